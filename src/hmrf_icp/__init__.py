@@ -1,0 +1,2 @@
+"""Registration."""
+__version__ = "0.1.0"

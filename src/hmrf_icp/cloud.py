@@ -1,0 +1,221 @@
+"""A cloud of points, with the pixel grid and the camera that it came from where they are known."""
+
+from __future__ import annotations
+
+import math
+from dataclasses import dataclass
+from functools import cached_property
+from typing import Any
+
+import numpy as np
+from numpy.typing import ArrayLike, NDArray
+
+from hmrf_icp.camera import PinholeCamera
+from hmrf_icp.errors import InputError
+
+MINIMUM_POINTS = 10
+"""Fewer observed points than this are refused: six unknowns and some evidence against chance."""
+
+SATURATED = 65535
+"""The value that 16-bit depth recorders write for "too far", beside 0 for "nothing seen"."""
+
+
+@dataclass(frozen=True, eq=False)
+class PointCloud:
+    """Points in metres; organised like an image where the sensor was one.
+
+    Parameters
+    ----------
+    points
+        (H, W, 3) for an organised cloud, (N, 3) for any other. A point with a
+        coordinate that is not finite is *unobserved*.
+    camera
+        The camera that the organised points were seen with, at the origin of
+        the cloud's frame. None where it is not known.
+    viewpoint
+        (3,) where the sensor stood in the cloud's frame, metres; known for a
+        LiDAR scan that has not been moved (the origin). A cloud with a camera
+        has its viewpoint at the origin.
+
+    Raises
+    ------
+    InputError
+        The array has another shape, or no camera of that size.
+    """
+
+    points: NDArray[np.float64]
+    camera: PinholeCamera | None = None
+    viewpoint: NDArray[np.float64] | None = None
+
+    def __post_init__(self) -> None:
+        """Copy the points, mark what is unobserved with NaN, and freeze the arrays."""
+        try:
+            points = np.array(self.points, dtype=np.float64)
+        except (TypeError, ValueError) as error:
+            raise InputError(f"points: expected an array of numbers, got {error}") from None
+        if points.ndim not in (2, 3) or points.shape[-1] != 3:
+            raise InputError(
+                f"points: expected shape (N, 3) or (H, W, 3), got {points.shape}"
+                + ("; make it a cloud with PointCloud.from_depth" if points.ndim == 2 else "")
+            )
+        points[~np.isfinite(points).all(axis=-1)] = np.nan
+        points.flags.writeable = False
+        object.__setattr__(self, "points", points)
+        if self.camera is not None:
+            self._check_camera(self.camera)
+            object.__setattr__(self, "viewpoint", np.zeros(3))
+        elif self.viewpoint is not None:
+            viewpoint = np.array(self.viewpoint, dtype=np.float64)
+            if viewpoint.shape != (3,) or not np.isfinite(viewpoint).all():
+                raise InputError(f"viewpoint: expected three finite numbers, got {self.viewpoint}")
+            object.__setattr__(self, "viewpoint", viewpoint)
+
+    def _check_camera(self, camera: PinholeCamera) -> None:
+        if self.points.ndim != 3:
+            raise InputError("camera: given for a cloud that is not organised as (H, W, 3)")
+        height, width, _ = self.points.shape
+        if (camera.height, camera.width) != (height, width):
+            raise InputError(
+                f"camera: intrinsics are for {camera.width} x {camera.height} pixels, "
+                f"the cloud has {width} x {height}"
+            )
+
+    @classmethod
+    def from_depth(
+        cls,
+        depth: ArrayLike,
+        camera: PinholeCamera,
+        depth_scale: float | None = None,
+        max_depth: float | None = None,
+    ) -> PointCloud:
+        """Unproject a depth map.
+
+        Parameters
+        ----------
+        depth
+            (H, W), distance along the optical axis. 0, negative, NaN, infinity
+            and, in 16-bit maps, 65535 are unobserved.
+        camera
+            Its intrinsics, for the same size.
+        depth_scale
+            Units of the map per metre. None means 1000 for integers
+            (millimetres, what sensors write) and 1 for floating point (metres).
+        max_depth
+            Depths beyond this many metres are unobserved.
+
+        Raises
+        ------
+        InputError
+            The map is not (H, W), not of the camera's size, or the scale is not positive.
+        """
+        raw = np.asarray(depth)
+        if raw.ndim != 2:
+            raise InputError(f"depth: expected one channel of shape (H, W), got {raw.shape}")
+        if raw.dtype.kind not in "iuf":
+            raise InputError(f"depth: expected integers or floating point, got {raw.dtype}")
+        if depth_scale is None:
+            depth_scale = 1.0 if raw.dtype.kind == "f" else 1000.0
+        if not math.isfinite(depth_scale) or depth_scale <= 0:
+            raise InputError(
+                f"depth_scale: expected a positive number of units per metre, got {depth_scale:g}"
+            )
+        if max_depth is not None and not max_depth > 0:
+            raise InputError(f"max_depth: expected a positive number of metres, got {max_depth:g}")
+        metres = raw.astype(np.float64)
+        unobserved = ~(np.isfinite(metres) & (metres > 0))
+        if raw.dtype == np.uint16:
+            unobserved |= raw == SATURATED
+        metres /= depth_scale
+        if max_depth is not None:
+            unobserved |= metres > max_depth
+        metres[unobserved] = np.nan
+        return cls(camera.unproject(metres), camera)
+
+    @property
+    def organised(self) -> bool:
+        """Whether the points stand on a pixel grid, (H, W, 3)."""
+        return self.points.ndim == 3
+
+    @property
+    def shape(self) -> tuple[int, ...]:
+        """Shape of one value a point: (H, W) or (N,)."""
+        return self.points.shape[:-1]
+
+    @cached_property
+    def observed(self) -> NDArray[np.bool_]:
+        """(H, W) or (N,): where there is a point."""
+        return np.asarray(~np.isnan(self.points[..., 0]))
+
+    @cached_property
+    def observed_points(self) -> NDArray[np.float64]:
+        """(M, 3): the observed points, in the order of the grid."""
+        return np.ascontiguousarray(self.points[self.observed])
+
+    def on_grid(self, values: NDArray[Any], fill: float = np.nan) -> NDArray[Any]:
+        """Lay one value an observed point, (M, ...), out in the cloud's shape."""
+        laid = np.full(self.shape + values.shape[1:], fill, dtype=values.dtype)
+        laid[self.observed] = values
+        return laid
+
+    def subsample(self, step: int) -> PointCloud:
+        """Keep every ``step``-th row and column (organised) or every ``step``-th point."""
+        if step < 1:
+            raise InputError(f"subsample: expected a step of 1 or more, got {step}")
+        if not self.organised:
+            return PointCloud(self.points[::step], None, self.viewpoint)
+        camera = None if self.camera is None else self.camera.subsampled(step)
+        return PointCloud(self.points[::step, ::step], camera, self.viewpoint)
+
+    def __len__(self) -> int:
+        return int(np.count_nonzero(self.observed))
+
+    def __repr__(self) -> str:
+        kind = "organised" if self.organised else "unorganised"
+        size = " x ".join(str(n) for n in self.shape)
+        return f"PointCloud({kind}, {size}, {len(self)} observed)"
+
+
+def as_cloud(cloud: Any, name: str = "cloud") -> PointCloud:
+    """Take anything that holds points: a PointCloud, an array, an object with ``.points``.
+
+    Raises
+    ------
+    InputError
+        Nothing of the kind, with ``name`` in the message.
+    """
+    if isinstance(cloud, PointCloud):
+        return cloud
+    points = getattr(cloud, "points", cloud)
+    try:
+        return PointCloud(np.asarray(points, dtype=np.float64))
+    except InputError as error:
+        raise InputError(f"{name}: {error}") from None
+    except (TypeError, ValueError) as error:
+        raise InputError(
+            f"{name}: expected a PointCloud, an array of points or an object with .points, "
+            f"got {type(cloud).__name__} ({error})"
+        ) from None
+
+
+def require_registrable(cloud: PointCloud, name: str) -> None:
+    """Refuse a cloud that no rigid motion can be found from.
+
+    Raises
+    ------
+    InputError
+        Fewer than ten observed points, all of them the same, or all on one line.
+    """
+    points = cloud.observed_points
+    if len(points) < MINIMUM_POINTS:
+        raise InputError(
+            f"{name}: {len(points)} observed points of {math.prod(cloud.shape)}, "
+            f"expected at least {MINIMUM_POINTS}"
+        )
+    spread = np.linalg.svd(np.cov((points - points.mean(axis=0)).T), compute_uv=False)
+    size = float(np.abs(points).max())
+    if spread[0] <= (1e-9 * size) ** 2:
+        raise InputError(f"{name}: all {len(points)} points are the same")
+    if spread[1] <= 1e-12 * spread[0]:
+        raise InputError(
+            f"{name}: all {len(points)} points lie on one line, about which any rotation fits"
+        )
