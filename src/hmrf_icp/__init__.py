@@ -1,2 +1,31 @@
-"""Registration."""
+"""Registration of depth maps and point clouds that overlap only in part."""
+
+from hmrf_icp import presets
+from hmrf_icp.camera import PinholeCamera
+from hmrf_icp.cloud import PointCloud
+from hmrf_icp.errors import (
+    HmrfIcpError,
+    InputError,
+    MissingDependencyError,
+    RegistrationWarning,
+)
+from hmrf_icp.icp import Criteria, Iteration, Method
+from hmrf_icp.registration import register
+from hmrf_icp.result import RegistrationResult
+
 __version__ = "0.1.0"
+
+__all__ = [
+    "Criteria",
+    "HmrfIcpError",
+    "InputError",
+    "Iteration",
+    "Method",
+    "MissingDependencyError",
+    "PinholeCamera",
+    "PointCloud",
+    "RegistrationResult",
+    "RegistrationWarning",
+    "presets",
+    "register",
+]

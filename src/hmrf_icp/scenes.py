@@ -128,9 +128,7 @@ def desk() -> Scene:
     for number in range(3):
         level = 0.09 + 0.19 * number
         furniture.append(_standing(0.52, -0.15, level, (0.38, 0.02, 0.17)))
-        furniture.append(
-            _rod((0.46, -0.18, level + 0.10), (0.58, -0.18, level + 0.10), 0.008)
-        )
+        furniture.append(_rod((0.46, -0.18, level + 0.10), (0.58, -0.18, level + 0.10), 0.008))
     monitor = [
         Box(_at(-0.16, 0.30, 1.06, 12.0, -8.0), (0.56, 0.035, 0.34)),
         _standing(-0.17, 0.345, top, (0.07, 0.03, 0.28), 12.0),

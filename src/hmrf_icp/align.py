@@ -1,0 +1,66 @@
+"""Align: the rigid motion that brings the inliers to their matches (paper, step 3)."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from typing import Protocol
+
+import numpy as np
+from numpy.typing import NDArray
+
+from hmrf_icp import se3
+from hmrf_icp.cloud import PointCloud
+from hmrf_icp.match import Matches
+from hmrf_icp.reject import Labels
+
+Array = NDArray[np.float64]
+
+MINIMUM_INLIERS = 3
+"""Fewer matches than this do not determine a rigid motion."""
+
+
+class Align(Protocol):
+    """Find the motion T_step (4, 4) for source points that have been moved to (M, 3).
+
+    None where the inliers do not determine one.
+    """
+
+    def __call__(self, moved: Array, matches: Matches, labels: Labels) -> Array | None:
+        """Align."""
+
+
+class Aligner(Protocol):
+    """Prepare an :class:`Align` for one pair of clouds."""
+
+    def prepare(self, source: PointCloud, target: PointCloud) -> Align:
+        """Build what depends on the clouds alone, such as normals."""
+
+
+@dataclass(frozen=True)
+class PointToPoint:
+    """Least squares between points, f = ||T B_i - C_I_i||^2 over z > 0, in closed form."""
+
+    def prepare(self, source: PointCloud, target: PointCloud) -> Align:
+        """Nothing but the target's points is needed."""
+        closest = target.observed_points
+
+        def align(moved: Array, matches: Matches, labels: Labels) -> Array | None:
+            inlier = labels.inlier
+            if np.count_nonzero(inlier) < MINIMUM_INLIERS:
+                return None
+            return best_motion(moved[inlier], closest[matches.index[inlier]])
+
+        return align
+
+
+def best_motion(points: Array, onto: Array) -> Array:
+    """Rigid motion that takes points (M, 3) closest to ``onto`` (M, 3) in least squares.
+
+    Singular value decomposition of the cross-covariance (Arun, Huang and
+    Blostein 1987), with the sign that makes it a rotation and never a
+    reflection (Umeyama 1991).
+    """
+    centre, centre_onto = points.mean(axis=0), onto.mean(axis=0)
+    covariance = (onto - centre_onto).T @ (points - centre)
+    rotation = se3.nearest_rotation(covariance)
+    return se3.rigid(rotation, centre_onto - rotation @ centre)

@@ -1,0 +1,157 @@
+"""The loop of Algorithm 1: match, reject, align, until the motion is small."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Mapping
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import NDArray
+
+from hmrf_icp import se3
+from hmrf_icp.align import Align, Aligner
+from hmrf_icp.cloud import PointCloud
+from hmrf_icp.match import Match, Matcher, Matches
+from hmrf_icp.reject import Labels, Reject, Rejector
+
+Array = NDArray[np.float64]
+
+
+@dataclass(frozen=True)
+class Criteria:
+    """When the loop stops.
+
+    Parameters
+    ----------
+    translation
+        A step is small whose translation is below this, metres, and
+    rotation
+        whose angle is below this, radians.
+    max_iterations
+        Iterations after which it stops without having converged.
+    """
+
+    translation: float = 0.01
+    rotation: float = 0.001
+    max_iterations: int = 50
+
+    def met(self, step: Array) -> bool:
+        """Whether a step (4, 4) is small enough to stop."""
+        return (
+            se3.translation_norm(step) < self.translation
+            and se3.rotation_angle(step) < self.rotation
+        )
+
+
+@dataclass(frozen=True)
+class Method:
+    """A registration method: its three parts and when it stops."""
+
+    match: Matcher
+    reject: Rejector
+    align: Aligner
+    criteria: Criteria
+
+
+@dataclass(frozen=True)
+class Iteration:
+    """What one ICP iteration did.
+
+    Attributes
+    ----------
+    iteration
+        Its number, from 1.
+    em_iterations
+        EM steps it took; the first has those before the first motion too.
+    inlier_share
+        Inliers among the observed source points.
+    step_translation, step_rotation
+        Size of its motion, metres and radians.
+    inlier_rmse
+        Root mean square distance of the inliers before its motion, metres.
+    parameters
+        What the rejection learnt: means and deviations or a threshold, metres.
+    """
+
+    iteration: int
+    em_iterations: int
+    inlier_share: float
+    step_translation: float
+    step_rotation: float
+    inlier_rmse: float
+    parameters: Mapping[str, float]
+
+
+@dataclass(frozen=True, eq=False)
+class Outcome:
+    """Where the loop ended: the motion, the last matches and labels, and how it got there."""
+
+    transformation: Array
+    matches: Matches
+    labels: Labels
+    converged: bool
+    history: tuple[Iteration, ...]
+
+
+def icp(
+    source: PointCloud,
+    target: PointCloud,
+    init: Array,
+    method: Method,
+    on_iteration: Callable[[Iteration], None] | None = None,
+) -> Outcome:
+    """Run Algorithm 1 with the parts of ``method``.
+
+    Parameters
+    ----------
+    source, target
+        The free and the fixed cloud.
+    init
+        (4, 4) T_init, source to target.
+    method
+        The parts.
+    on_iteration
+        Called after every iteration, for progress.
+    """
+    match: Match = method.match.prepare(source, target)
+    reject: Reject = method.reject.prepare(source, target)
+    align: Align = method.align.prepare(source, target)
+
+    points = source.observed_points
+    transformation = init
+    moved = se3.transform(transformation, points)
+    matches = match(moved)
+    labels = reject(matches, None)
+    em_before = labels.em_iterations
+
+    history: list[Iteration] = []
+    converged = False
+    while not converged and len(history) < method.criteria.max_iterations:
+        labels = reject(matches, labels)
+        step = align(moved, matches, labels)
+        if step is None:
+            break
+        transformation = step @ transformation
+        moved = se3.transform(step, moved)
+        history.append(
+            Iteration(
+                iteration=len(history) + 1,
+                em_iterations=em_before + labels.em_iterations,
+                inlier_share=float(labels.inlier.mean()),
+                step_translation=se3.translation_norm(step),
+                step_rotation=se3.rotation_angle(step),
+                inlier_rmse=rms(matches.distance[labels.inlier]),
+                parameters=labels.parameters,
+            )
+        )
+        em_before = 0
+        matches = match(moved)
+        converged = method.criteria.met(step)
+        if on_iteration is not None:
+            on_iteration(history[-1])
+    return Outcome(transformation, matches, labels, converged, tuple(history))
+
+
+def rms(distance: Array) -> float:
+    """Root mean square, 0 of nothing."""
+    return float(np.sqrt(np.mean(distance**2))) if distance.size else 0.0

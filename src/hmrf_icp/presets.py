@@ -1,0 +1,66 @@
+"""Methods and rejectors by name."""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+
+from hmrf_icp.align import PointToPoint
+from hmrf_icp.errors import InputError
+from hmrf_icp.field import HiddenMarkovRandomField
+from hmrf_icp.icp import Criteria, Method
+from hmrf_icp.match import NearestNeighbour
+from hmrf_icp.reject import X84, Dynamic, KeepAll, KeepPercent, KeepSigma, Rejector
+
+DEFAULT = "paper"
+
+PAPER = Method(NearestNeighbour(), HiddenMarkovRandomField(), PointToPoint(), Criteria())
+"""HMRF-ICP as published (Stechschulte and Heckman 2017, Algorithm 1)."""
+
+_METHODS: dict[str, Method] = {"paper": PAPER}
+
+_REJECTORS: dict[str, Callable[[], Rejector]] = {
+    "hmrf": HiddenMarkovRandomField,
+    "all": KeepAll,
+    "percent": KeepPercent,
+    "sigma": KeepSigma,
+    "x84": X84,
+    "dynamic": Dynamic,
+}
+
+
+def names() -> tuple[str, ...]:
+    """Names that ``preset`` may have."""
+    return tuple(_METHODS)
+
+
+def rejector_names() -> tuple[str, ...]:
+    """Names that ``rejector`` may have, the paper's own first."""
+    return tuple(_REJECTORS)
+
+
+def preset(name: str) -> Method:
+    """Look a method up by name.
+
+    Raises
+    ------
+    InputError
+        There is none of that name.
+    """
+    if name not in _METHODS:
+        raise InputError(f"preset: unknown {name!r}, expected one of {', '.join(names())}")
+    return _METHODS[name]
+
+
+def rejector(name: str) -> Rejector:
+    """Look a rejector up by name, with the paper's settings.
+
+    Raises
+    ------
+    InputError
+        There is none of that name.
+    """
+    if name not in _REJECTORS:
+        raise InputError(
+            f"rejector: unknown {name!r}, expected one of {', '.join(rejector_names())}"
+        )
+    return _REJECTORS[name]()

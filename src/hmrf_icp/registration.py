@@ -1,0 +1,110 @@
+"""Register one cloud to another: the entrance to the package."""
+
+from __future__ import annotations
+
+import time
+import warnings
+from collections.abc import Callable
+from dataclasses import replace
+from typing import Any
+
+import numpy as np
+from numpy.typing import ArrayLike
+
+from hmrf_icp import presets, se3
+from hmrf_icp.cloud import PointCloud, as_cloud, require_registrable
+from hmrf_icp.errors import RegistrationWarning
+from hmrf_icp.icp import Criteria, Iteration, Method, icp, rms
+from hmrf_icp.reject import Rejector
+from hmrf_icp.result import RegistrationResult
+
+UNIT_MIX_UP = 100.0
+"""Ratio of the sizes of two clouds above which metres and millimetres were probably mixed up."""
+
+
+def register(
+    source: Any,
+    target: Any,
+    init: ArrayLike | None = None,
+    preset: str | Method = presets.DEFAULT,
+    *,
+    rejector: str | Rejector | None = None,
+    criteria: Criteria | None = None,
+    on_iteration: Callable[[Iteration], None] | None = None,
+) -> RegistrationResult:
+    """Find the rigid motion that takes ``source`` onto ``target``.
+
+    Parameters
+    ----------
+    source
+        The cloud that moves (the paper's free cloud): a :class:`PointCloud`, an
+        array (H, W, 3) or (N, 3) in metres, or an object with ``.points``. For
+        ``preset="paper"`` it must be organised.
+    target
+        The cloud that stays (the paper's fixed cloud), of any kind.
+    init
+        (4, 4) rigid motion to start from, source to target; None for the identity.
+    preset
+        Name of a method (:func:`hmrf_icp.presets.names`), or one of your own.
+    rejector
+        Name of another rejection rule (:func:`hmrf_icp.presets.rejector_names`),
+        or one of your own, in place of the method's.
+    criteria
+        When to stop, in place of the method's.
+    on_iteration
+        Called with an :class:`Iteration` after each.
+
+    Raises
+    ------
+    InputError
+        A cloud, the start or a name is not what it should be.
+
+    Warns
+    -----
+    RegistrationWarning
+        The sizes of the clouds differ so much that their units probably do.
+    """
+    started = time.perf_counter()
+    source, target = as_cloud(source, "source"), as_cloud(target, "target")
+    require_registrable(source, "source")
+    require_registrable(target, "target")
+    start = se3.as_rigid(init, "init")
+    warn_of_units(source, target)
+
+    method = presets.preset(preset) if isinstance(preset, str) else preset
+    if rejector is not None:
+        chosen = presets.rejector(rejector) if isinstance(rejector, str) else rejector
+        method = replace(method, reject=chosen)
+    if criteria is not None:
+        method = replace(method, criteria=criteria)
+
+    outcome = icp(source, target, start, method, on_iteration)
+    inlier = outcome.labels.inlier
+    return RegistrationResult(
+        transformation=outcome.transformation,
+        inlier_probability=source.on_grid(outcome.labels.probability),
+        distance=source.on_grid(outcome.matches.distance),
+        converged=outcome.converged,
+        iterations=len(outcome.history),
+        em_iterations=sum(step.em_iterations for step in outcome.history),
+        overlap=float(inlier.mean()),
+        inlier_rmse=rms(outcome.matches.distance[inlier]),
+        seconds=time.perf_counter() - started,
+        history=outcome.history,
+    )
+
+
+def warn_of_units(source: PointCloud, target: PointCloud) -> None:
+    """Warn where one cloud is a hundred times the size of the other, or more."""
+    sizes = [
+        float(np.median(np.linalg.norm(points - np.median(points, axis=0), axis=1)))
+        for points in (source.observed_points, target.observed_points)
+    ]
+    small, large = sorted(sizes)
+    if large > UNIT_MIX_UP * small:
+        warnings.warn(
+            f"source spreads over {sizes[0]:.3g} and target over {sizes[1]:.3g} (median distance "
+            "from the centre): one is probably in millimetres and the other in metres",
+            RegistrationWarning,
+            stacklevel=3,
+        )

@@ -1,0 +1,56 @@
+"""What a registration returns."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import NDArray
+
+from hmrf_icp.icp import Iteration
+
+
+@dataclass(frozen=True, eq=False)
+class RegistrationResult:
+    """The motion that was found and the evidence for it.
+
+    Attributes
+    ----------
+    transformation
+        (4, 4) float64, source to target, the start included.
+    inlier_probability
+        (H, W) or (N,), P(Z = +1) of each source point, NaN where unobserved.
+    distance
+        (H, W) or (N,), distance of each moved source point to the closest
+        target point, metres, NaN where unobserved.
+    converged
+        Whether the last step was below the criteria.
+    iterations, em_iterations
+        ICP iterations, and EM steps in all of them together.
+    overlap
+        Share of the observed source points with P(Z = +1) > 1/2.
+    inlier_rmse
+        Root mean square distance over those points, metres; 0 where there are none.
+    seconds
+        Wall-clock time of the registration.
+    history
+        One :class:`hmrf_icp.Iteration` an iteration.
+    """
+
+    transformation: NDArray[np.float64]
+    inlier_probability: NDArray[np.float64]
+    distance: NDArray[np.float64]
+    converged: bool
+    iterations: int
+    em_iterations: int
+    overlap: float
+    inlier_rmse: float
+    seconds: float
+    history: tuple[Iteration, ...]
+
+    def __repr__(self) -> str:
+        state = "converged" if self.converged else "did not converge"
+        return (
+            f"RegistrationResult({state} after {self.iterations} iterations, "
+            f"overlap {self.overlap:.3f}, inlier_rmse {self.inlier_rmse:.4g} m)"
+        )
