@@ -1,0 +1,168 @@
+"""Clouds and depth maps by the suffix of their file."""
+
+from __future__ import annotations
+
+import os
+from collections.abc import Callable
+from pathlib import Path
+from typing import Any
+
+from numpy.typing import NDArray
+
+from hmrf_icp.camera import PinholeCamera
+from hmrf_icp.cloud import PointCloud
+from hmrf_icp.errors import InputError
+from hmrf_icp.io.arrays import read_npy, read_npz, write_npy, write_npz
+from hmrf_icp.io.camera import Intrinsics
+from hmrf_icp.io.depth import IMAGE_SUFFIXES, check_depth_type, read_depth
+from hmrf_icp.io.files import check_suffix, existing_file
+from hmrf_icp.io.pcd import read_pcd, write_pcd
+from hmrf_icp.io.ply import read_ply, write_ply
+from hmrf_icp.io.text import read_text, write_text
+from hmrf_icp.io.whole import require_writable, written_whole
+
+_READERS: dict[str, Callable[[Path], PointCloud]] = {
+    ".ply": read_ply,
+    ".pcd": read_pcd,
+    ".xyz": read_text,
+    ".csv": read_text,
+    ".txt": read_text,
+    ".npz": read_npz,
+}
+
+_WRITERS: dict[str, Callable[[Path, PointCloud], None]] = {
+    ".ply": write_ply,
+    ".pcd": write_pcd,
+    ".xyz": write_text,
+    ".csv": write_text,
+    ".txt": write_text,
+    ".npy": write_npy,
+    ".npz": write_npz,
+}
+
+READABLE = (*IMAGE_SUFFIXES, ".npy", *_READERS)
+"""Suffixes that `read_cloud` knows."""
+
+WRITABLE = tuple(_WRITERS)
+"""Suffixes that `write_cloud` knows."""
+
+_TOO_NARROW = 16
+"""An array with a side this short is hardly a depth map: rather a table of points."""
+
+
+def read_cloud(
+    path: str | os.PathLike[str],
+    camera: PinholeCamera | Intrinsics | None = None,
+    depth_scale: float | None = None,
+    max_depth: float | None = None,
+) -> PointCloud:
+    """Read a cloud, or a depth map as a cloud.
+
+    Parameters
+    ----------
+    path
+        A depth map (16-bit PNG or PGM, TIFF, NPY of shape (H, W)) or a cloud
+        (PLY, PCD, XYZ, CSV, TXT, NPZ, NPY of shape (N, 3) or (H, W, 3)).
+    camera
+        For a depth map. A cloud has no use for it.
+    depth_scale
+        For a depth map: its units per metre. None means 1000 for integers and
+        1 for floating point. Clouds are in metres.
+    max_depth
+        For a depth map: depths beyond this many metres are unobserved.
+
+    Raises
+    ------
+    InputError
+        The file is missing, damaged or of an unknown kind; a depth map comes
+        without a camera or with that of another image size.
+    """
+    content = read_any(path)
+    if isinstance(content, PointCloud):
+        return content
+    return unproject(path, content, camera, depth_scale, max_depth)
+
+
+def read_any(path: str | os.PathLike[str]) -> PointCloud | NDArray[Any]:
+    """Read a cloud, or a depth map as the array (H, W) that it is, whichever the file holds.
+
+    Raises
+    ------
+    InputError
+        The file is missing, damaged or of an unknown kind.
+    """
+    file = existing_file(path)
+    suffix = check_suffix(file, READABLE, "read points or depth from")
+    if suffix in IMAGE_SUFFIXES:
+        return read_depth(file)
+    if suffix != ".npy":
+        return _READERS[suffix](file)
+    array = read_npy(file)
+    if array.ndim == 2 and array.shape[1] != 3:
+        return check_depth_type(file, array)
+    if array.dtype.itemsize < 2:
+        raise InputError(f"{file}: an array of {array.dtype} is a picture, expected coordinates")
+    try:
+        return PointCloud(array)
+    except InputError as error:
+        raise InputError(f"{file}: {error}") from None
+
+
+def unproject(
+    path: str | os.PathLike[str],
+    depth: NDArray[Any],
+    camera: PinholeCamera | Intrinsics | None,
+    depth_scale: float | None = None,
+    max_depth: float | None = None,
+) -> PointCloud:
+    """Make a cloud of the depth map that was read from ``path``; errors name the file.
+
+    Raises
+    ------
+    InputError
+        As `read_cloud`.
+    """
+    height, width = depth.shape
+    hint = ""
+    if min(depth.shape) <= _TOO_NARROW:
+        hint = f"; if its shape {depth.shape} is a table of points, keep x, y, z as (N, 3)"
+    if camera is None:
+        raise InputError(
+            f"{path}: is a depth map, which needs the intrinsics of its camera (--camera or "
+            f"--intrinsics on the command line, camera= in Python){hint}"
+        )
+    try:
+        if isinstance(camera, Intrinsics):
+            camera = camera.for_image(width, height)
+        return PointCloud.from_depth(depth, camera, depth_scale, max_depth)
+    except InputError as error:
+        raise InputError(f"{path}: {error}{hint}") from None
+
+
+def check_writable(path: str | os.PathLike[str]) -> None:
+    """Check that `write_cloud` could write at ``path``, before the work that makes the cloud.
+
+    Raises
+    ------
+    InputError
+        The suffix is not known, or the folder missing or not writable.
+    """
+    check_suffix(Path(path), WRITABLE, "write points to")
+    require_writable(path)
+
+
+def write_cloud(path: str | os.PathLike[str], cloud: PointCloud) -> None:
+    """Write a cloud in the format of the suffix, whole or not at all.
+
+    PLY (binary), XYZ, TXT and CSV get the observed points alone; PCD (binary),
+    NPY and NPZ keep the grid of an organised cloud, with NaN where it is
+    unobserved. NPZ keeps the camera or the viewpoint as well.
+
+    Raises
+    ------
+    InputError
+        The suffix is not known, or the folder missing or not writable.
+    """
+    suffix = check_suffix(Path(path), WRITABLE, "write points to")
+    with written_whole(path) as partial:
+        _WRITERS[suffix](partial, cloud)

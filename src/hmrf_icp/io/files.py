@@ -1,0 +1,81 @@
+"""What every reader does with a path: see that it is a file, and name it when reading fails."""
+
+from __future__ import annotations
+
+import os
+import stat
+from collections.abc import Iterable, Iterator
+from contextlib import contextmanager
+from pathlib import Path
+
+from hmrf_icp.errors import InputError
+
+# What the standard library, NumPy, Pillow and plyfile raise on a file that is cut short or is
+# something else. Pillow's own is SyntaxError, on a broken PNG; MemoryError is a header that
+# promises the moon. A bug of this package is likelier an AttributeError or a NameError: not here.
+_UNREADABLE: tuple[type[Exception], ...] = (
+    OSError,
+    ValueError,
+    SyntaxError,
+    EOFError,
+    KeyError,
+    IndexError,
+    TypeError,
+    OverflowError,
+    MemoryError,
+)
+
+
+def existing_file(path: str | os.PathLike[str]) -> Path:
+    """Check that ``path`` names a file with something in it.
+
+    Raises
+    ------
+    InputError
+        It is missing, a directory, empty, or out of reach.
+    """
+    try:
+        status = Path(path).stat()
+    except FileNotFoundError:
+        raise InputError(f"{path}: no such file") from None
+    except (OSError, ValueError) as error:
+        reason = getattr(error, "strerror", None) or error
+        raise InputError(f"{path}: cannot be read: {reason}") from None
+    if stat.S_ISDIR(status.st_mode):
+        raise InputError(f"{path}: is a directory, expected a file")
+    if stat.S_ISREG(status.st_mode) and status.st_size == 0:
+        raise InputError(f"{path}: the file is empty")
+    return Path(path)
+
+
+@contextmanager
+def reading(path: Path, what: str, *also: type[Exception]) -> Iterator[None]:
+    """Turn whatever reading ``path`` raises into an InputError that names it.
+
+    Parameters
+    ----------
+    path
+        The file.
+    what
+        What it was read as, with its article: "a PNG image".
+    also
+        Exceptions of the library at work that derive from ``Exception`` directly.
+    """
+    failures = _UNREADABLE + also
+    try:
+        yield
+    except InputError:
+        raise
+    except failures as error:
+        reason = getattr(error, "strerror", None) or str(error) or type(error).__name__
+        raise InputError(f"{path}: cannot be read as {what}: {reason}") from error
+
+
+def check_suffix(path: Path, known: Iterable[str], verb: str) -> str:
+    """Return the suffix in lower case, or refuse one that is not among ``known``."""
+    suffix = path.suffix.lower()
+    known = tuple(known)
+    if suffix not in known:
+        found = f"the suffix {path.suffix!r}" if path.suffix else "a name without a suffix"
+        raise InputError(f"{path}: cannot {verb} {found}; known are {', '.join(known)}")
+    return suffix
