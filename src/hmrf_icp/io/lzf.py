@@ -2,7 +2,7 @@
 
 The one binding on the package index, python-lzf, comes as source alone and
 would ask every user for a C compiler. The format is three rules long, and
-works on slices here, not on bytes: 300,000 points take about a quarter of a second.
+works on slices here, not on bytes: 300,000 points take about a second.
 """
 
 from __future__ import annotations

@@ -1,0 +1,60 @@
+"""A progress bar on stderr while a registration runs."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Iterator
+from contextlib import contextmanager
+from typing import TYPE_CHECKING
+
+if TYPE_CHECKING:
+    from rich.progress import Progress
+
+    from hmrf_icp.icp import Iteration
+
+
+class RegistrationBar:
+    """One bar for the stages of one registration; give it to ``register`` as ``on_iteration``."""
+
+    def __init__(self, progress: Progress) -> None:
+        self._progress = progress
+        self._task = progress.add_task("", total=None, detail="")
+
+    def stage(self, name: str, total: int | None = None) -> None:
+        """Show the name of what happens now; ``total`` steps of it, None where nobody knows."""
+        self._progress.reset(self._task, description=name, total=total, detail="")
+
+    def __call__(self, iteration: Iteration) -> None:
+        """Show an iteration of the registration."""
+        self._progress.update(
+            self._task,
+            completed=iteration.iteration,
+            detail=f"{iteration.inlier_share:.0%} inliers, step "
+            f"{1000 * iteration.step_translation:.1f} mm "
+            f"{math.degrees(iteration.step_rotation):.2f} deg",
+        )
+
+
+@contextmanager
+def registration_bar() -> Iterator[RegistrationBar]:
+    """Show a bar while the block runs, and nothing where stderr is not a terminal.
+
+    It is gone at the end: what stays on the screen is the result.
+    """
+    from rich.console import Console
+    from rich.progress import BarColumn, Progress, SpinnerColumn, TextColumn, TimeElapsedColumn
+
+    console = Console(stderr=True)
+    with Progress(
+        SpinnerColumn(),
+        TextColumn("{task.description}", markup=False),
+        BarColumn(bar_width=24),
+        TimeElapsedColumn(),
+        TextColumn("{task.fields[detail]}", markup=False),
+        console=console,
+        transient=True,
+        disable=not console.is_terminal,
+        # stdout belongs to the result: rich would send it to stderr while the bar is up.
+        redirect_stdout=False,
+    ) as progress:
+        yield RegistrationBar(progress)

@@ -1,0 +1,327 @@
+"""``hmrf-icp register``: one pair of files."""
+
+from __future__ import annotations
+
+import json
+import math
+from collections.abc import Iterator
+from contextlib import ExitStack, contextmanager
+from pathlib import Path
+from typing import TYPE_CHECKING, Annotated, Any
+
+import typer
+
+from hmrf_icp import presets
+from hmrf_icp.errors import InputError
+
+if TYPE_CHECKING:
+    from hmrf_icp.cloud import PointCloud
+    from hmrf_icp.io import Intrinsics
+    from hmrf_icp.result import RegistrationResult
+
+NOT_CONVERGED = 1
+
+FIGURE_SUFFIXES = (".png", ".pdf", ".svg")
+
+_DEPTH = "Depth maps"
+_METHOD = "Method"
+_OUTPUT = "Output"
+
+
+def register(
+    source: Annotated[
+        Path,
+        typer.Argument(
+            metavar="SOURCE",
+            show_default=False,
+            help="What moves: a depth map (16-bit PNG or PGM, TIFF, NPY) or a cloud in metres "
+            "(PLY, PCD, XYZ, CSV, TXT, NPY, NPZ).",
+        ),
+    ],
+    target: Annotated[
+        Path,
+        typer.Argument(metavar="TARGET", show_default=False, help="What stays, of the same kinds."),
+    ],
+    camera: Annotated[
+        Path | None,
+        typer.Option(
+            metavar="FILE",
+            rich_help_panel=_DEPTH,
+            help="Intrinsics of the depth maps: a 3x3 matrix as text or an Open3D intrinsics JSON.",
+        ),
+    ] = None,
+    intrinsics: Annotated[
+        str | None,
+        typer.Option(
+            metavar="FX,FY,CX,CY", rich_help_panel=_DEPTH, help="The same, given here, in pixels."
+        ),
+    ] = None,
+    depth_scale: Annotated[
+        float | None,
+        typer.Option(
+            metavar="UNITS",
+            rich_help_panel=_DEPTH,
+            show_default="1000 for integers, 1 for floating point",
+            help="Units of the depth maps per metre.",
+        ),
+    ] = None,
+    max_depth: Annotated[
+        float | None,
+        typer.Option(
+            metavar="M",
+            rich_help_panel=_DEPTH,
+            help="Leave out depths beyond this many metres.",
+        ),
+    ] = None,
+    init: Annotated[
+        Path | None,
+        typer.Option(
+            metavar="POSE.txt",
+            rich_help_panel=_METHOD,
+            show_default="the identity",
+            help="Where to start: a 4x4 matrix as text, source to target, metres.",
+        ),
+    ] = None,
+    preset: Annotated[
+        str,
+        typer.Option(
+            metavar="NAME", rich_help_panel=_METHOD, help=f"One of: {', '.join(presets.names())}."
+        ),
+    ] = presets.DEFAULT,
+    rejector: Annotated[
+        str | None,
+        typer.Option(
+            metavar="NAME",
+            rich_help_panel=_METHOD,
+            show_default="the preset's own",
+            help="Another rule for which points have a counterpart, one of: "
+            f"{', '.join(presets.rejector_names())}.",
+        ),
+    ] = None,
+    output: Annotated[
+        Path | None,
+        typer.Option(
+            metavar="ALIGNED",
+            rich_help_panel=_OUTPUT,
+            help="Write the source, moved into the target's frame, as a cloud "
+            "(.ply, .pcd, .xyz, .csv, .txt, .npy, .npz).",
+        ),
+    ] = None,
+    figure: Annotated[
+        Path | None,
+        typer.Option(
+            metavar="PNG",
+            rich_help_panel=_OUTPUT,
+            help="Write a picture of the clouds before and after, the distances and the inliers.",
+        ),
+    ] = None,
+    as_json: Annotated[
+        bool,
+        typer.Option(
+            "--json",
+            rich_help_panel=_OUTPUT,
+            help="Print the result as one JSON object on stdout, all else on stderr.",
+        ),
+    ] = False,
+) -> None:
+    """Find the rigid motion that takes SOURCE onto TARGET.
+
+    Example: hmrf-icp register a.png b.png --intrinsics 585,585,320,240
+
+    Exit status: 0 registered; 1 did not converge (the result is printed
+    and written all the same); 2 bad input (nothing is written).
+    """
+    import hmrf_icp
+    from hmrf_icp.cli.progress import registration_bar
+    from hmrf_icp.io import read_pose
+
+    method = presets.preset(preset)
+    if rejector is not None:
+        presets.rejector(rejector)
+    _require_positive("--depth-scale", depth_scale, "units per metre")
+    _require_positive("--max-depth", max_depth, "metres")
+    lens = _lens(camera, intrinsics)
+    start = None if init is None else read_pose(init)
+    _check_outputs(output, figure, [file for file in (source, target, camera, init) if file])
+
+    with registration_bar() as bar:
+        bar.stage("Reading")
+        moving, moving_is_depth = _read(source, lens, depth_scale, max_depth)
+        staying, staying_is_depth = _read(target, lens, depth_scale, max_depth)
+        given = (camera, intrinsics, depth_scale, max_depth)
+        if not (moving_is_depth or staying_is_depth) and any(o is not None for o in given):
+            _note("neither file is a depth map: the options for depth maps have no effect")
+        bar.stage("Registering", total=method.criteria.max_iterations)
+        with _arguments_named({"source": source, "target": target, "init": init}):
+            result = hmrf_icp.register(
+                moving, staying, start, preset, rejector=rejector, on_iteration=bar
+            )
+        bar.stage("Writing")
+        try:
+            _write(moving, staying, result, output, figure)
+        finally:
+            # A full disk must not cost the result as well.
+            bar.stage("")
+            if as_json:
+                typer.echo(_json(result, source, target, preset, rejector))
+    typer.echo(_summary(result, source, target, output, figure), err=as_json)
+    raise typer.Exit(0 if result.converged else NOT_CONVERGED)
+
+
+def _require_positive(option: str, value: float | None, unit: str) -> None:
+    if value is not None and not (math.isfinite(value) and value > 0):
+        raise InputError(f"{option}: expected a positive number of {unit}, got {value:g}")
+
+
+def _lens(camera: Path | None, intrinsics: str | None) -> Intrinsics | None:
+    from hmrf_icp.io import parse_intrinsics, read_intrinsics
+
+    if camera is not None and intrinsics is not None:
+        raise InputError("--camera and --intrinsics: give one of them, not both")
+    if camera is not None:
+        return read_intrinsics(camera)
+    return None if intrinsics is None else parse_intrinsics(intrinsics, "--intrinsics")
+
+
+def _check_outputs(output: Path | None, figure: Path | None, inputs: list[Path]) -> None:
+    """Refuse what could not be written in the end, before minutes are spent on it."""
+    from hmrf_icp.io.cloud import check_writable
+    from hmrf_icp.io.files import check_suffix
+    from hmrf_icp.io.whole import require_writable
+
+    if output is not None:
+        check_writable(output)
+    if figure is not None:
+        check_suffix(figure, FIGURE_SUFFIXES, "draw a figure to")
+        require_writable(figure)
+    for option, file in (("--output", output), ("--figure", figure)):
+        if file is not None and file.resolve() in [path.resolve() for path in inputs]:
+            raise InputError(f"{option} {file}: is an input of this run, give another name")
+
+
+def _read(
+    path: Path, lens: Intrinsics | None, depth_scale: float | None, max_depth: float | None
+) -> tuple[PointCloud, bool]:
+    """Read a cloud, and say whether it came from a depth map."""
+    from hmrf_icp.cloud import PointCloud
+    from hmrf_icp.io.cloud import read_any, unproject
+
+    content = read_any(path)
+    if isinstance(content, PointCloud):
+        return content, False
+    return unproject(path, content, lens, depth_scale, max_depth), True
+
+
+@contextmanager
+def _arguments_named(files: dict[str, Path | None]) -> Iterator[None]:
+    """Put the file behind the argument that the library complains about."""
+    try:
+        yield
+    except InputError as error:
+        argument, _, rest = str(error).partition(": ")
+        if files.get(argument) is None:
+            raise
+        raise InputError(f"{argument} {files[argument]}: {rest}") from None
+
+
+def _write(
+    source: PointCloud,
+    target: PointCloud,
+    result: RegistrationResult,
+    output: Path | None,
+    figure: Path | None,
+) -> None:
+    """Write all outputs; none of them moves to its place before every one is complete."""
+    from hmrf_icp import se3
+    from hmrf_icp.cloud import PointCloud
+    from hmrf_icp.io import write_cloud
+    from hmrf_icp.io.whole import written_whole
+
+    with ExitStack() as outputs:
+        if output is not None:
+            motion = result.transformation
+            stood = source.viewpoint
+            moved = PointCloud(
+                se3.transform(motion, source.points),
+                viewpoint=None if stood is None else se3.transform(motion, stood),
+            )
+            write_cloud(outputs.enter_context(written_whole(output)), moved)
+        if figure is not None:
+            from hmrf_icp.figures import registration_figure
+
+            partial = outputs.enter_context(written_whole(figure))
+            registration_figure(source, target, result, partial)
+
+
+def _json(
+    result: RegistrationResult, source: Path, target: Path, preset: str, rejector: str | None
+) -> str:
+    names = (
+        "transformation",
+        "converged",
+        "iterations",
+        "em_iterations",
+        "overlap",
+        "inlier_rmse",
+        "seconds",
+    )
+    optional = ("confidence", "information", "degenerate")
+    content: dict[str, Any] = {name: getattr(result, name) for name in names}
+    content |= {name: getattr(result, name) for name in optional if hasattr(result, name)}
+    content |= {"preset": preset, "rejector": rejector, "source": source, "target": target}
+    return json.dumps(_plain(content), allow_nan=False)
+
+
+def _plain(value: Any) -> Any:
+    """Reduce to what strict JSON has: no array, no path, null for NaN and infinity."""
+    if isinstance(value, dict):
+        return {name: _plain(item) for name, item in value.items()}
+    if hasattr(value, "tolist"):  # an array, or one of NumPy's own numbers
+        value = value.tolist()
+    if isinstance(value, (list, tuple)):
+        return [_plain(item) for item in value]
+    if isinstance(value, float) and not math.isfinite(value):
+        return None
+    return value if value is None or isinstance(value, (bool, int, float)) else str(value)
+
+
+def _summary(
+    result: RegistrationResult,
+    source: Path,
+    target: Path,
+    output: Path | None,
+    figure: Path | None,
+) -> str:
+    """Say the result to a person."""
+    from hmrf_icp import se3
+
+    motion = result.transformation
+    state = "converged" if result.converged else "did NOT converge"
+    lines = [
+        f"{source.name} to {target.name}: {state} after {_count(result.iterations, 'iteration')} "
+        f"({_count(result.em_iterations, 'EM step')}) in {result.seconds:.2f} s",
+        "",
+        f"  overlap      {result.overlap:.1%} of the source's observed points",
+        f"  inlier RMSE  {_length(result.inlier_rmse)}",
+        f"  motion       {_length(se3.translation_norm(motion))}, "
+        f"{math.degrees(se3.rotation_angle(motion)):.3f} deg",
+        "",
+        "  transformation, source to target:",
+        *("  " + " ".join(f"{value:13.8f}" for value in row) for row in motion.tolist()),
+    ]
+    written = [str(path) for path in (output, figure) if path is not None]
+    if written:
+        lines += ["", f"  written: {', '.join(written)}"]
+    return "\n".join(lines)
+
+
+def _count(number: int, noun: str) -> str:
+    return f"{number} {noun}" + ("s" if number != 1 else "")
+
+
+def _length(metres: float) -> str:
+    return f"{1000 * metres:.3g} mm" if metres < 0.1 else f"{metres:.4g} m"
+
+
+def _note(message: str) -> None:
+    typer.echo(f"Note: {message}", err=True)
