@@ -19,6 +19,9 @@ from hmrf_icp.se3 import Array, inverse, transform
 _TINY = 1e-300
 """Stands in for a direction's zero component, so that 0 / 0 never arises."""
 
+_BLOCK = 8192
+"""Rays handled at once: they stay in the cache, and BLAS starts no threads to turn them."""
+
 
 @dataclass(frozen=True, eq=False)
 class Primitive(ABC):
@@ -62,8 +65,12 @@ class Primitive(ABC):
         (N,): the least t > 0, infinity where the shape is missed.
         """
         local = transform(inverse(self.pose), origin)
+        distance = np.empty(len(directions))
         with np.errstate(divide="ignore", invalid="ignore", over="ignore"):
-            return self._hit(local, directions @ self.pose[:3, :3])
+            for begin in range(0, len(directions), _BLOCK):
+                block = slice(begin, begin + _BLOCK)
+                distance[block] = self._hit(local, directions[block] @ self.pose[:3, :3])
+        return distance
 
 
 def _no_zero(component: Array) -> Array:

@@ -41,7 +41,7 @@ def render(scene: Scene, camera: PinholeCamera, pose: ArrayLike) -> Array:
         The pose is not a rigid motion.
     """
     pose = as_rigid(pose, "pose")
-    rays = camera.unproject(np.ones((camera.height, camera.width))) @ pose[:3, :3].T
+    rays = _rotated(camera.unproject(np.ones((camera.height, camera.width))), pose)
     depth = np.full((camera.height, camera.width), np.inf)
     for primitive in scene.primitives:
         window = _window(primitive, camera, pose)
@@ -52,6 +52,11 @@ def render(scene: Scene, camera: PinholeCamera, pose: ArrayLike) -> Array:
         np.minimum(part, hit.reshape(part.shape), out=part)
     depth[np.isinf(depth)] = np.nan
     return depth
+
+
+def _rotated(rays: Array, pose: Array) -> Array:
+    """Turn rays (H, W, 3) by a pose, row by row: all at once BLAS would start threads for it."""
+    return np.stack([row @ pose[:3, :3].T for row in rays])
 
 
 def _window(primitive: Primitive, camera: PinholeCamera, pose: Array) -> tuple[slice, slice]:
@@ -111,7 +116,7 @@ def render_lidar(
     rays = np.stack(
         [np.cos(up) * np.cos(turn), np.cos(up) * np.sin(turn), np.sin(up) + 0 * turn], axis=-1
     )
-    world = rays.reshape(-1, 3) @ pose[:3, :3].T
+    world = _rotated(rays, pose).reshape(-1, 3)
     distance = np.full(len(world), np.inf)
     for primitive in scene.primitives:
         may = _around(primitive, pose[:3, 3], world)

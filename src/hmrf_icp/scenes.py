@@ -196,7 +196,7 @@ def _shelf() -> list[Primitive]:
 
 
 def _corner() -> list[Primitive]:
-    """Fill the corner right of the shelf: cupboard, boxes, plant, and a bin and a stool before it."""
+    """Fill the corner right of the shelf: cupboard, boxes, plant, bin and stool."""
     return [
         _standing(2.50, -0.55, 0.0, (0.50, 0.90, 1.10)),  # a cupboard along the right wall
         _standing(2.24, -0.79, 0.06, (0.02, 0.40, 0.98)),
@@ -218,7 +218,7 @@ def _corner() -> list[Primitive]:
 def tabletop() -> Scene:
     """Set a table with a handful of objects, a wall behind it and a floor below."""
     top = 0.70
-    table = _table(0.0, 0.0, (1.10, 0.80), top, 0.06)
+    table = _table(0.0, 0.0, (0.90, 0.62), top, 0.06)
     objects = [
         Sphere(_at(-0.17, -0.06, top + 0.075), 0.075),
         _standing(0.16, 0.10, top, (0.16, 0.11, 0.19), 28.0),
@@ -230,7 +230,14 @@ def tabletop() -> Scene:
         _standing(-0.30, 0.10, top + 0.035, (0.17, 0.12, 0.030), 6.0),
         Torus(_at(0.27, -0.10, top + 0.018), 0.055, 0.018),
     ]
-    room = [_floor(0.0, -0.2, (5.0, 4.0)), _wall(0.0, 1.25, 5.0, 2.4)]
+    room = [
+        _floor(0.0, -0.2, (4.4, 3.4)),
+        _wall(0.0, 1.25, 4.4, 2.4),
+        _wall(-2.0, -0.2, 3.4, 2.4, yaw=84.0),
+        _wall(2.1, -0.2, 3.4, 2.4, yaw=95.0),
+        _standing(-1.45, 0.75, 0.0, (0.50, 0.45, 0.95), 12.0),
+        _standing(1.55, -0.45, 0.0, (0.55, 0.80, 0.60), -8.0),
+    ]
     return Scene("tabletop", (*room, *table, *objects))
 
 
@@ -251,13 +258,13 @@ _DESK_WALK = np.array(
 )
 
 
-def _orbit(knots: int = 9) -> Array:
-    """Walk around the table: 110 degrees, between 0.6 and 1.2 m from the objects."""
-    angle = np.radians(np.linspace(-55.0, 55.0, knots))
+def _orbit(knots: int = 12) -> Array:
+    """Walk around the table: 190 degrees, between 0.6 and 1.2 m from the objects."""
+    angle = np.radians(np.linspace(-95.0, 95.0, knots))
     distance = 0.88 + 0.22 * np.cos(np.linspace(0.3, 2.6 * np.pi, knots))
-    height = np.radians(36.0 + 7.0 * np.sin(np.linspace(0.0, 3.0 * np.pi, knots)))
+    height = np.radians(29.0 + 7.0 * np.sin(np.linspace(0.0, 3.0 * np.pi, knots)))
     target = np.stack(
-        [0.05 * np.sin(3 * angle), 0.04 * np.cos(2 * angle), np.full(knots, 0.76)], axis=1
+        [0.08 * np.sin(angle), 0.04 * np.cos(2 * angle), np.full(knots, 0.80)], axis=1
     )
     away = np.stack(
         [np.sin(angle) * np.cos(height), -np.cos(angle) * np.cos(height), np.sin(height)], axis=1
