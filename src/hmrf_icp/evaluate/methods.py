@@ -1,0 +1,120 @@
+"""What is compared: a name, and a function from two clouds and a start to an outcome."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Iterable
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import NDArray
+
+from hmrf_icp.errors import InputError
+from hmrf_icp.evaluate.prepared import Prepared
+
+PAPER_METHODS = ("hmrf", "all", "percent", "sigma", "x84", "dynamic")
+"""The six of the paper's plots: its field, and the five rules that it compares with."""
+
+
+@dataclass(frozen=True)
+class Outcome:
+    """What a registration says of itself.
+
+    Parameters
+    ----------
+    transformation
+        (4, 4) source to target.
+    iterations, em_iterations
+        Of the outer loop, and of EM in all; None where there is no such thing.
+    converged
+        None where the method does not tell.
+    confidence
+        In [0, 1], where the method says how sure it is.
+    fitness
+        In [0, 1]: the share of the source that it believes to have matched.
+    """
+
+    transformation: NDArray[np.float64]
+    iterations: int | None = None
+    em_iterations: int | None = None
+    converged: bool | None = None
+    confidence: float | None = None
+    fitness: float | None = None
+
+
+@dataclass(frozen=True)
+class Method:
+    """A registration method under a name.
+
+    Parameters
+    ----------
+    name
+        As in results; a peer that was given a threshold has it in metres behind
+        an ``@``: ``gicp@0.1``.
+    register
+        ``register(source, target, init)`` with ``init`` (4, 4), source to target.
+    """
+
+    name: str
+    register: Callable[[Prepared, Prepared, NDArray[np.float64]], Outcome]
+
+    @property
+    def family(self) -> str:
+        """Its name without the threshold."""
+        return self.name.partition("@")[0]
+
+
+def _own(name: str, preset: str, rejector: str | None) -> Method:
+    def register(source: Prepared, target: Prepared, init: NDArray[np.float64]) -> Outcome:
+        import hmrf_icp
+
+        result = hmrf_icp.register(
+            source.cloud, target.cloud, init, preset=preset, rejector=rejector
+        )
+        confidence = getattr(result, "confidence", None)
+        return Outcome(
+            transformation=result.transformation,
+            iterations=result.iterations,
+            em_iterations=result.em_iterations,
+            converged=result.converged,
+            confidence=None if confidence is None else float(confidence),
+            fitness=result.overlap,
+        )
+
+    return Method(name, register)
+
+
+def own_methods() -> dict[str, Method]:
+    """Return the package's own by name: the six of the paper, then its other presets."""
+    from hmrf_icp import presets
+
+    methods = {name: _own(name, "paper", name) for name in PAPER_METHODS}
+    # The paper's preset is the paper's method with its field: "hmrf" already.
+    for preset in presets.names():
+        if preset != "paper":
+            methods[preset] = _own(preset, preset, None)
+    return methods
+
+
+def choose(names: Iterable[str] | None) -> tuple[Method, ...]:
+    """Find the package's methods of these names, in the order of the catalogue.
+
+    Parameters
+    ----------
+    names
+        None means every one; ``paper`` is another name of ``hmrf``.
+
+    Raises
+    ------
+    InputError
+        An unknown name; the message lists the known ones.
+    """
+    known = own_methods()
+    if names is None:
+        return tuple(known.values())
+    wanted = {"hmrf" if name == "paper" else name for name in names}
+    unknown = sorted(wanted - set(known))
+    if unknown:
+        raise InputError(
+            f"methods: no method is called {', '.join(unknown)}; known are {', '.join(known)}"
+        )
+    return tuple(method for name, method in known.items() if name in wanted)

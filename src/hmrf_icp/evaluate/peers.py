@@ -1,0 +1,286 @@
+"""Today's alternatives, each as a :class:`Method`: same points, same start, one thread.
+
+A library that is not installed is left out with a sentence saying so. What a
+peer derives from one cloud (k-d tree, normals, covariances) is kept with the
+cloud (:class:`Prepared`); nobody's settings were tuned beyond what stands here.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Iterable
+from dataclasses import dataclass
+from importlib.util import find_spec
+from typing import Any, TypeAlias
+
+import numpy as np
+from numpy.typing import NDArray
+
+from hmrf_icp import se3
+from hmrf_icp.errors import InputError
+from hmrf_icp.evaluate.methods import Method, Outcome
+from hmrf_icp.evaluate.prepared import Prepared
+
+Array = NDArray[np.float64]
+Register: TypeAlias = Callable[[Prepared, Prepared, Array], Outcome]
+
+THRESHOLDS = (0.05, 0.1, 0.2, 0.4, 0.8)
+"""Distances in metres that a peer which wants one is run at, each as a method of its own."""
+
+MAX_ITERATIONS = 50
+"""As many as the paper gives its own; the libraries' defaults are 20 and 30."""
+
+NEIGHBOURS = 20
+"""Points that a normal or a covariance is estimated from."""
+
+
+@dataclass(frozen=True)
+class Family:
+    """A peer before its threshold is chosen.
+
+    Parameters
+    ----------
+    name, library
+        Its name in results, and the module that it needs.
+    build
+        Makes the method for a threshold in metres (0 where it wants none).
+    thresholds
+        Empty where it wants none.
+    """
+
+    name: str
+    library: str
+    build: Callable[[float], Register]
+    thresholds: tuple[float, ...] = THRESHOLDS
+
+    @property
+    def available(self) -> bool:
+        """Whether its library is installed."""
+        return find_spec(self.library) is not None
+
+    def methods(self) -> tuple[Method, ...]:
+        """Return one method a threshold."""
+        if not self.thresholds:
+            return (Method(self.name, self.build(0.0)),)
+        return tuple(
+            Method(f"{self.name}@{metres:g}", self.build(metres)) for metres in self.thresholds
+        )
+
+
+# --- Open3D -----------------------------------------------------------------------------------
+
+
+def _open3d_cloud(cloud: Prepared) -> Any:
+    def build() -> Any:
+        import open3d as o3d
+
+        made = o3d.geometry.PointCloud(o3d.utility.Vector3dVector(cloud.points))
+        made.estimate_normals(o3d.geometry.KDTreeSearchParamKNN(NEIGHBOURS))
+        return made
+
+    return cloud.derived("open3d", build)
+
+
+def _open3d(source: Prepared, target: Prepared, init: Array, reach: float, metric: str) -> Outcome:
+    import open3d as o3d
+
+    pipeline = o3d.pipelines.registration
+    estimation = {
+        "point": lambda: pipeline.TransformationEstimationPointToPoint(),
+        "plane": lambda: pipeline.TransformationEstimationPointToPlane(),
+        # The kernel is the threshold; matches up to three times as far may pull until it cuts in.
+        "tukey": lambda: pipeline.TransformationEstimationPointToPlane(pipeline.TukeyLoss(k=reach)),
+    }[metric]()
+    result = pipeline.registration_icp(
+        _open3d_cloud(source),
+        _open3d_cloud(target),
+        3.0 * reach if metric == "tukey" else reach,
+        init,
+        estimation,
+        pipeline.ICPConvergenceCriteria(max_iteration=MAX_ITERATIONS),
+    )
+    return Outcome(np.array(result.transformation), fitness=float(result.fitness))
+
+
+def _open3d_multiscale(source: Prepared, target: Prepared, init: Array, reach: float) -> Outcome:
+    import open3d
+
+    # Its stubs contradict its documentation, so that types are not checked here.
+    o3d: Any = open3d
+    pipeline = o3d.t.pipelines.registration
+
+    def tensor(cloud: Prepared) -> Any:
+        legacy = _open3d_cloud(cloud)
+        return cloud.derived("open3d.t", lambda: o3d.t.geometry.PointCloud.from_legacy(legacy))
+
+    result = pipeline.multi_scale_icp(
+        tensor(source),
+        tensor(target),
+        # -1: the points as they are, which the last scale owes to "the same points".
+        o3d.utility.DoubleVector([reach, reach / 2, -1.0]),
+        [pipeline.ICPConvergenceCriteria(max_iteration=MAX_ITERATIONS)] * 3,
+        o3d.utility.DoubleVector([4 * reach, 2 * reach, reach]),
+        o3d.core.Tensor(np.ascontiguousarray(init)),
+        pipeline.TransformationEstimationPointToPlane(),
+    )
+    return Outcome(
+        result.transformation.numpy().copy(),
+        iterations=int(result.num_iterations),
+        converged=bool(result.converged),
+        fitness=float(result.fitness),
+    )
+
+
+# --- small_gicp -------------------------------------------------------------------------------
+
+
+def _gicp_cloud(cloud: Prepared) -> tuple[Any, Any]:
+    def build() -> tuple[Any, Any]:
+        import small_gicp
+
+        made = small_gicp.PointCloud(cloud.points)
+        tree = small_gicp.KdTree(made, num_threads=1)
+        small_gicp.estimate_covariances(made, tree, num_neighbors=NEIGHBOURS, num_threads=1)
+        return made, tree
+
+    return cloud.derived("small_gicp", build)
+
+
+def gicp(source: Prepared, target: Prepared, init: Array, reaches: Iterable[float]) -> Outcome:
+    """Run small_gicp's GICP at each distance in turn, one starting where the last ended."""
+    import small_gicp
+
+    source_cloud, _ = _gicp_cloud(source)
+    target_cloud, target_tree = _gicp_cloud(target)
+    pose, iterations = init, 0
+    for reach in reaches:
+        result = small_gicp.align(
+            target_cloud,
+            source_cloud,
+            target_tree,
+            pose,
+            registration_type="GICP",
+            max_correspondence_distance=reach,
+            max_iterations=MAX_ITERATIONS,
+            num_threads=1,
+        )
+        pose = np.array(result.T_target_source)
+        # It counts from zero: an alignment that stops after its first step reports 0.
+        iterations += int(result.iterations) + 1
+    return Outcome(
+        pose,
+        iterations=iterations,
+        converged=bool(result.converged),
+        fitness=float(result.num_inliers) / len(source.points),
+    )
+
+
+# --- Fast and Robust ICP ----------------------------------------------------------------------
+
+
+def _fricp(source: Prepared, target: Prepared, init: Array) -> Outcome:
+    import fricp_cpp
+
+    tree = target.derived("fricp", lambda: fricp_cpp.Target(target.points))
+    result = fricp_cpp.registration_icp(source.points, tree, init=init, num_threads=1)
+    return Outcome(
+        np.array(result.transformation),
+        iterations=int(result.robust_info["num_iterations"]),
+        fitness=float(result.fitness),
+    )
+
+
+# --- KISS-Matcher -----------------------------------------------------------------------------
+
+
+def _kiss_gicp(source: Prepared, target: Prepared, reach: float) -> Outcome:
+    """Match descriptors on voxels of half the threshold, then refine; the start is not used."""
+
+    def both() -> Outcome:
+        import kiss_matcher
+
+        matcher = kiss_matcher.KISSMatcher(kiss_matcher.KISSMatcherConfig(voxel_size=reach / 2))
+        found = matcher.estimate(
+            list(source.points.astype(np.float32)), list(target.points.astype(np.float32))
+        )
+        if not found.valid:
+            raise RuntimeError("KISS-Matcher found no consistent matches")
+        rotation = se3.nearest_rotation(np.asarray(found.rotation, dtype=np.float64))
+        return gicp(source, target, se3.rigid(rotation, found.translation), (reach,))
+
+    # The answer is the same from every start of a pair: worked out once, charged to each.
+    return source.derived(("kiss", target.name, reach), both)
+
+
+FAMILIES = (
+    Family("o3d-point", "open3d", lambda reach: _bind(_open3d, reach, "point")),
+    Family("o3d-plane", "open3d", lambda reach: _bind(_open3d, reach, "plane")),
+    Family("o3d-tukey", "open3d", lambda reach: _bind(_open3d, reach, "tukey")),
+    Family("o3d-multiscale", "open3d", lambda reach: _bind(_open3d_multiscale, reach)),
+    Family("gicp", "small_gicp", lambda reach: _bind(gicp, (reach,))),
+    Family("gicp-chain", "small_gicp", lambda _: _bind(gicp, THRESHOLDS[::-1]), ()),
+    Family("fricp", "fricp_cpp", lambda _: _fricp, ()),
+    Family("kiss-gicp", "kiss_matcher", lambda reach: _kiss(reach)),
+)
+
+
+def _bind(function: Callable[..., Outcome], *settings: Any) -> Register:
+    def register(source: Prepared, target: Prepared, init: Array) -> Outcome:
+        return function(source, target, init, *settings)
+
+    return register
+
+
+def _kiss(reach: float) -> Register:
+    def register(source: Prepared, target: Prepared, init: Array) -> Outcome:  # noqa: ARG001
+        return _kiss_gicp(source, target, reach)
+
+    return register
+
+
+START_FREE = ("kiss-gicp",)
+"""Families that do not look at the start."""
+
+
+@dataclass(frozen=True)
+class Choice:
+    """The peers to run, and a sentence for each that is not installed."""
+
+    methods: tuple[Method, ...]
+    skipped: tuple[str, ...]
+
+
+def choose(names: Iterable[str] | None) -> Choice:
+    """Find peers by name.
+
+    Parameters
+    ----------
+    names
+        A family (``gicp``: at every threshold) or one setting (``gicp@0.1``);
+        None means all.
+
+    Raises
+    ------
+    InputError
+        An unknown name; the message lists the known ones.
+    """
+    catalogue = {method.name: method for family in FAMILIES for method in family.methods()}
+    families = {family.name: family for family in FAMILIES}
+    wanted = set(families) if names is None else set(names)
+    unknown = sorted(wanted - set(families) - set(catalogue))
+    if unknown:
+        raise InputError(
+            f"peers: no peer is called {', '.join(unknown)}; known are {', '.join(families)}, "
+            f"and one threshold of those that want one, as in gicp@{THRESHOLDS[0]:g}"
+        )
+    chosen: list[Method] = []
+    skipped = []
+    for family in FAMILIES:
+        mine = [m for m in family.methods() if {m.name, family.name} & wanted]
+        if mine and not family.available:
+            skipped.append(
+                f"{family.name}: skipped, {family.library} is not installed "
+                "(pip install 'hmrf-icp[peers]')"
+            )
+        elif mine:
+            chosen.extend(mine)
+    return Choice(tuple(chosen), tuple(skipped))

@@ -1,0 +1,77 @@
+"""A cloud with everything that registrations derive from it, each built once."""
+
+from __future__ import annotations
+
+import threading
+import time
+from collections.abc import Callable, Hashable
+from typing import Any, TypeVar, cast
+
+import numpy as np
+from numpy.typing import NDArray
+
+from hmrf_icp.cloud import PointCloud
+
+T = TypeVar("T")
+
+
+class Prepared:
+    """A cloud, and the k-d trees, normals and covariances that methods made of it.
+
+    What is built here is timed. A run that finds it built already is charged
+    the time it took, so that the seconds of a run are those of somebody who
+    registers two new clouds, however many runs shared the work.
+
+    Parameters
+    ----------
+    cloud
+        The cloud as it is registered (subsampled already).
+    name
+        Tells clouds apart where one remembers what it did with another; any
+        hashable thing, unique among the clouds of a process.
+    """
+
+    def __init__(self, cloud: PointCloud, name: Hashable = None) -> None:
+        self.cloud = cloud
+        self.name = name if name is not None else object()
+        self._built: dict[Hashable, tuple[Any, float]] = {}
+
+    @property
+    def points(self) -> NDArray[np.float64]:
+        """(M, 3) the observed points, metres."""
+        return self.cloud.observed_points
+
+    @property
+    def centroid(self) -> NDArray[np.float64]:
+        """(3,) mean of the observed points, metres."""
+        return self.derived("centroid", lambda: self.points.mean(axis=0))
+
+    def derived(self, key: Hashable, build: Callable[[], T]) -> T:
+        """Return what ``build`` makes of the cloud, made the first time and kept under ``key``."""
+        if key in self._built:
+            value, seconds = self._built[key]
+            _charge(seconds)
+            return cast(T, value)
+        begun = time.perf_counter()
+        made = build()
+        self._built[key] = (made, time.perf_counter() - begun)
+        return made
+
+    def forget(self, key: Hashable) -> None:
+        """Drop what is kept under ``key``, if anything is."""
+        self._built.pop(key, None)
+
+
+_charged = threading.local()
+
+
+def _charge(seconds: float) -> None:
+    _charged.seconds = getattr(_charged, "seconds", 0.0) + seconds
+
+
+def timed(run: Callable[[], T]) -> tuple[T, float]:
+    """Call ``run``; return what it returned and its seconds, shared preparation included."""
+    _charged.seconds = 0.0
+    begun = time.perf_counter()
+    value = run()
+    return value, time.perf_counter() - begun + _charged.seconds

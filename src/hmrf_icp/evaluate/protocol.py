@@ -1,0 +1,220 @@
+"""What is registered from where: the paper's experiment (Experiments, Results) as a protocol.
+
+A *pair* is a target frame, which stays, and a source frame that overlaps it. A
+*start* turns the pair's true pose by an angle (and, beyond the paper, shifts it);
+it is done once about each of a fixed set of random *axes*, the same for all pairs.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Iterable, Mapping
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import NDArray
+
+from hmrf_icp import se3
+from hmrf_icp.cloud import PointCloud
+from hmrf_icp.errors import InputError
+
+Array = NDArray[np.float64]
+
+NEIGHBOUR_FACTOR = 6.0
+"""A source point overlaps when the target is nearer than this many times its own neighbour."""
+
+DECILES = 10
+
+
+@dataclass(frozen=True, order=True)
+class Pair:
+    """Two frames of one sequence, by their indices, and the share of the source that overlaps."""
+
+    target: int
+    source: int
+    overlap: float
+
+    @property
+    def name(self) -> str:
+        """What results call it: target, then source."""
+        return f"{self.target:06d}-{self.source:06d}"
+
+
+@dataclass(frozen=True, order=True)
+class Start:
+    """How far from the true pose a registration begins.
+
+    Parameters
+    ----------
+    angle
+        Rotation about an axis through the source's centroid, radians.
+    translation
+        Length of a shift in a random direction, metres; the paper has none.
+
+    Raises
+    ------
+    InputError
+        A number that is negative or not finite.
+    """
+
+    angle: float
+    translation: float = 0.0
+
+    def __post_init__(self) -> None:
+        """Refuse what is no distance."""
+        for name in ("angle", "translation"):
+            value = getattr(self, name)
+            if not (np.isfinite(value) and value >= 0):
+                raise InputError(f"start: {name} must be zero or positive, got {value:g}")
+
+
+@dataclass(frozen=True, eq=False)
+class Axes:
+    """The random directions that every pair is started along.
+
+    Parameters
+    ----------
+    rotation, shift
+        (N, 3) unit vectors in the target's frame: the axis turned about, and
+        the direction of the translation.
+    """
+
+    rotation: Array
+    shift: Array
+
+    @classmethod
+    def random(cls, count: int, seed: int) -> Axes:
+        """Draw ``count`` axes evenly over the sphere; the first of them do not depend on it."""
+        if count < 1:
+            raise InputError(f"axes: expected one or more, got {count}")
+        return cls(*(_directions(count, (seed, stream)) for stream in (0, 1)))
+
+    def __len__(self) -> int:
+        return len(self.rotation)
+
+
+def _directions(count: int, seed: tuple[int, int]) -> Array:
+    directions = np.random.default_rng(seed).standard_normal((count, 3))
+    return np.asarray(directions / np.linalg.norm(directions, axis=1, keepdims=True))
+
+
+def true_transformation(source_pose: Array, target_pose: Array) -> Array:
+    """Source to target, (4, 4), out of two sensor-to-world poses."""
+    return se3.inverse(target_pose) @ source_pose
+
+
+def perturbed(truth: Array, centroid: Array, axes: Axes, axis: int, start: Start) -> Array:
+    """Move a true pose away from itself (Results: "perturbing this alignment").
+
+    Parameters
+    ----------
+    truth
+        (4, 4) source to target.
+    centroid
+        (3,) mean of the source's points in the source's frame, metres.
+    axes, axis
+        The set of axes, and which of them.
+    start
+        By how much.
+
+    Returns
+    -------
+    (4, 4): the source under the true pose, turned about its centroid, then shifted.
+    """
+    turn = se3.rotation_about(axes.rotation[axis], start.angle, se3.transform(truth, centroid))
+    shift = se3.rigid(np.eye(3), start.translation * axes.shift[axis])
+    return np.asarray(shift @ turn @ truth)
+
+
+def neighbour_distance(points: Array) -> Array:
+    """Distance (N,) of each point to its nearest neighbour in its own cloud, metres."""
+    from pykdtree.kdtree import KDTree
+
+    distance, _ = KDTree(points).query(points, k=2)
+    return np.asarray(distance[:, 1])
+
+
+def overlap(
+    source: PointCloud, target: PointCloud, truth: Array, neighbours: Array | None = None
+) -> float:
+    """Share of the source's points that the target saw too, as the paper estimates it.
+
+    Under the true pose a source point counts when its distance to the target is
+    below six times the distance to its nearest neighbour in its own cloud.
+
+    Parameters
+    ----------
+    source, target
+        The clouds; what counts depends on their spacing, so pass those that
+        are registered.
+    truth
+        (4, 4) source to target.
+    neighbours
+        ``neighbour_distance(source.observed_points)`` where it is known already.
+    """
+    from pykdtree.kdtree import KDTree
+
+    points = source.observed_points
+    if len(points) < 2 or len(target) == 0:
+        return 0.0
+    reach = NEIGHBOUR_FACTOR * (neighbour_distance(points) if neighbours is None else neighbours)
+    distance, _ = KDTree(target.observed_points).query(se3.transform(truth, points))
+    return float(np.mean(distance < reach))
+
+
+def decile(overlap: float) -> int:
+    """Which tenth of [0, 1] an overlap lies in, 0 to 9; 1.0 belongs to the last."""
+    return min(int(overlap * DECILES), DECILES - 1)
+
+
+@dataclass(frozen=True)
+class Selection:
+    """The pairs of one target frame, and the deciles that had none."""
+
+    pairs: tuple[Pair, ...]
+    empty_deciles: tuple[int, ...]
+
+
+def select(
+    target: int,
+    overlaps: Mapping[int, float],
+    per_decile: int,
+    seed: int,
+    minimum_overlap: float = 0.0,
+) -> Selection:
+    """Draw source frames for one target, as many from each decile of overlap.
+
+    Frames that do not overlap at all are left out, as in the paper, and those
+    below ``minimum_overlap``. The draw depends on the seed and the target alone.
+
+    Parameters
+    ----------
+    target
+        Index of the target frame.
+    overlaps
+        Overlap with it by index of the source frame.
+    per_decile
+        At most so many from each tenth.
+    """
+    rng = np.random.default_rng((seed, target))
+    shuffled = rng.permutation(sorted(overlaps)).tolist()
+    chosen: dict[int, list[Pair]] = {tenth: [] for tenth in range(DECILES)}
+    for source in shuffled:
+        share = overlaps[source]
+        if source == target or share <= 0.0 or share < minimum_overlap:
+            continue
+        kept = chosen[decile(share)]
+        if len(kept) < per_decile:
+            kept.append(Pair(target, source, share))
+    pairs = sorted(pair for kept in chosen.values() for pair in kept)
+    return Selection(tuple(pairs), tuple(tenth for tenth, kept in chosen.items() if not kept))
+
+
+def spread_targets(frames: Iterable[int], count: int = 2) -> tuple[int, ...]:
+    """Choose target frames where nobody did: ``count`` of them, evenly along the sequence.
+
+    The middle frame of each of ``count`` equal stretches, so that none stands at
+    an end, where a recording is often still or looking elsewhere.
+    """
+    indices = sorted(frames)
+    count = min(count, len(indices))
+    return tuple(indices[(2 * k + 1) * len(indices) // (2 * count)] for k in range(count))
