@@ -18,6 +18,9 @@ Array = NDArray[np.float64]
 MINIMUM_INLIERS = 3
 """Fewer matches than this do not determine a rigid motion."""
 
+LEAST_TURN = 1e-12
+"""Weight of turning little, as a share of the covariance: decides where the points cannot."""
+
 
 class Align(Protocol):
     """Find the motion T_step (4, 4) for source points that have been moved to (M, 3).
@@ -58,9 +61,11 @@ def best_motion(points: Array, onto: Array) -> Array:
 
     Singular value decomposition of the cross-covariance (Arun, Huang and
     Blostein 1987), with the sign that makes it a rotation and never a
-    reflection (Umeyama 1991).
+    reflection (Umeyama 1991). Where the points leave a rotation free, such as
+    that about the line they stand on, the one that turns least is taken.
     """
     centre, centre_onto = points.mean(axis=0), onto.mean(axis=0)
     covariance = (onto - centre_onto).T @ (points - centre)
+    covariance += LEAST_TURN * np.linalg.norm(covariance) * np.eye(3)
     rotation = se3.nearest_rotation(covariance)
     return se3.rigid(rotation, centre_onto - rotation @ centre)

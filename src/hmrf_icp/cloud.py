@@ -16,6 +16,9 @@ from hmrf_icp.errors import InputError
 MINIMUM_POINTS = 10
 """Fewer observed points than this are refused: six unknowns and some evidence against chance."""
 
+LARGEST_COORDINATE = 1e12
+"""A point farther away is no measurement (light takes an hour), and would drown those that are."""
+
 SATURATED = 65535
 """The value that 16-bit depth recorders write for "too far", beside 0 for "nothing seen"."""
 
@@ -106,13 +109,19 @@ class PointCloud:
         Raises
         ------
         InputError
-            The map is not (H, W), not of the camera's size, or the scale is not positive.
+            The map is not (H, W), has 8 bits or another size than the camera's, or the
+            scale is not positive.
         """
         raw = np.asarray(depth)
         if raw.ndim != 2:
             raise InputError(f"depth: expected one channel of shape (H, W), got {raw.shape}")
         if raw.dtype.kind not in "iuf":
             raise InputError(f"depth: expected integers or floating point, got {raw.dtype}")
+        if raw.dtype.itemsize == 1:
+            raise InputError(
+                f"depth: {raw.dtype} holds 256 values, too few for a depth map; "
+                "expected 16-bit integers or floating point (a colour image given by mistake?)"
+            )
         if depth_scale is None:
             depth_scale = 1.0 if raw.dtype.kind == "f" else 1000.0
         if not math.isfinite(depth_scale) or depth_scale <= 0:
@@ -203,7 +212,8 @@ def require_registrable(cloud: PointCloud, name: str) -> None:
     Raises
     ------
     InputError
-        Fewer than ten observed points, all of them the same, or all on one line.
+        Fewer than ten observed points, all of them the same, all on one line, or
+        one so far away that it must stand for "nothing".
     """
     points = cloud.observed_points
     if len(points) < MINIMUM_POINTS:
@@ -211,8 +221,12 @@ def require_registrable(cloud: PointCloud, name: str) -> None:
             f"{name}: {len(points)} observed points of {math.prod(cloud.shape)}, "
             f"expected at least {MINIMUM_POINTS}"
         )
-    spread = np.linalg.svd(np.cov((points - points.mean(axis=0)).T), compute_uv=False)
     size = float(np.abs(points).max())
+    if size > LARGEST_COORDINATE:
+        raise InputError(
+            f"{name}: a coordinate of {size:.3g}; mark points without a measurement with NaN"
+        )
+    spread = np.linalg.svd(np.cov((points - points.mean(axis=0)).T), compute_uv=False)
     if spread[0] <= (1e-9 * size) ** 2:
         raise InputError(f"{name}: all {len(points)} points are the same")
     if spread[1] <= 1e-12 * spread[0]:

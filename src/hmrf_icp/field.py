@@ -23,7 +23,7 @@ from hmrf_icp.reject import Labels, Reject
 Array = NDArray[np.float64]
 
 SIGMA_FLOOR = 1e-6
-"""Smallest sigma, as a share of the largest distance: two identical clouds have none of their own."""
+"""Smallest sigma, as a share of the largest distance: identical clouds have none of their own."""
 
 SIGMA_FLOOR_ABSOLUTE = 1e-15
 """Smallest sigma where every distance is zero, metres."""
@@ -54,11 +54,17 @@ class HiddenMarkovRandomField:
     outliers
         Share of the points, those with the largest distances, that start as outliers.
     first_steps, steps
-        Most EM steps before the first motion, and within each ICP iteration.
+        Most EM steps before the first motion, and within each ICP iteration; 0
+        leaves the labels as they are.
     precision
         ``"double"`` as published, or ``"single"``, less than half the time:
         z then differs by about 1e-5 away from a change of sign
         (``benchmarks/em_iteration.py`` measures both).
+
+    Raises
+    ------
+    InputError
+        A parameter is out of its range.
     """
 
     beta: float = 2.0
@@ -66,6 +72,20 @@ class HiddenMarkovRandomField:
     first_steps: int = 600
     steps: int = 20
     precision: Literal["double", "single"] = "double"
+
+    def __post_init__(self) -> None:
+        """Refuse what the model has no meaning for."""
+        if not 0.0 <= self.beta < np.inf:
+            raise InputError(f"beta: expected a finite number of 0 or more, got {self.beta}")
+        if not 0.0 <= self.outliers < 1.0:
+            raise InputError(f"outliers: expected a share in [0, 1), got {self.outliers}")
+        if self.first_steps < 0 or self.steps < 0:
+            raise InputError(
+                "first_steps, steps: expected numbers of EM steps of 0 or more, "
+                f"got {self.first_steps}, {self.steps}"
+            )
+        if self.precision not in ("double", "single"):
+            raise InputError(f'precision: expected "double" or "single", got {self.precision!r}')
 
     def prepare(self, source: PointCloud, target: PointCloud) -> Reject:
         """Lay out the grid of the source.
@@ -123,8 +143,6 @@ class Grid:
     def __init__(self, observed: NDArray[np.bool_], precision: str) -> None:
         from hmrf_icp.kernels import em
 
-        if precision not in ("double", "single"):
-            raise InputError(f'precision: expected "double" or "single", got {precision!r}')
         dtype = np.float64 if precision == "double" else np.float32
         self._pass = em.em_pass_double if precision == "double" else em.em_pass_single
         self._columns = em
@@ -154,8 +172,9 @@ class Grid:
         older[...] = newest
         floor = max(SIGMA_FLOOR * float(y.max()), SIGMA_FLOOR_ABSOLUTE)
         theta = floored(m_step(y, z), floor)
-        learnt = theta
-        for step in range(1, most_steps + 1):
+        learnt, taken = theta, 0
+        while taken < most_steps:
+            taken += 1
             learnt = theta
             newest, older, oldest = self._e_step(theta, beta, newest, older, oldest)
             sums = self._sums.sum(axis=0)
@@ -163,7 +182,7 @@ class Grid:
                 break
             theta = floored(self._m_step(sums, theta), floor)
         values = newest[1:-1, 1:-1][self._mask].astype(np.float64)
-        return Labels(values, step, MappingProxyType(learnt._asdict()))
+        return Labels(values, taken, MappingProxyType(learnt._asdict()))
 
     def _e_step(
         self, theta: Theta, beta: float, z: Array, older: Array, spare: Array

@@ -11,6 +11,7 @@ from numpy.typing import NDArray
 from hmrf_icp import se3
 from hmrf_icp.align import Align, Aligner
 from hmrf_icp.cloud import PointCloud
+from hmrf_icp.errors import InputError
 from hmrf_icp.match import Match, Matcher, Matches
 from hmrf_icp.reject import Labels, Reject, Rejector
 
@@ -29,11 +30,24 @@ class Criteria:
         whose angle is below this, radians.
     max_iterations
         Iterations after which it stops without having converged.
+
+    Raises
+    ------
+    InputError
+        One of them is negative or NaN.
     """
 
     translation: float = 0.01
     rotation: float = 0.001
     max_iterations: int = 50
+
+    def __post_init__(self) -> None:
+        """Refuse what no step could meet by mistake; 0 is the way to say never."""
+        for name in ("translation", "rotation", "max_iterations"):
+            if not getattr(self, name) >= 0:
+                raise InputError(
+                    f"criteria: expected a {name} of 0 or more, got {getattr(self, name)}"
+                )
 
     def met(self, step: Array) -> bool:
         """Whether a step (4, 4) is small enough to stop."""
@@ -90,6 +104,7 @@ class Outcome:
     matches: Matches
     labels: Labels
     converged: bool
+    em_iterations: int
     history: tuple[Iteration, ...]
 
 
@@ -122,12 +137,13 @@ def icp(
     moved = se3.transform(transformation, points)
     matches = match(moved)
     labels = reject(matches, None)
-    em_before = labels.em_iterations
+    em_before = em_iterations = labels.em_iterations
 
     history: list[Iteration] = []
     converged = False
     while not converged and len(history) < method.criteria.max_iterations:
         labels = reject(matches, labels)
+        em_iterations += labels.em_iterations
         step = align(moved, matches, labels)
         if step is None:
             break
@@ -149,7 +165,7 @@ def icp(
         converged = method.criteria.met(step)
         if on_iteration is not None:
             on_iteration(history[-1])
-    return Outcome(transformation, matches, labels, converged, tuple(history))
+    return Outcome(transformation, matches, labels, converged, em_iterations, tuple(history))
 
 
 def rms(distance: Array) -> float:

@@ -62,7 +62,8 @@ def register(
     Warns
     -----
     RegistrationWarning
-        The sizes of the clouds differ so much that their units probably do.
+        The sizes of the clouds differ so much that their units probably do, or
+        so few inliers were left that no motion could be found from them.
     """
     started = time.perf_counter()
     source, target = as_cloud(source, "source"), as_cloud(target, "target")
@@ -71,7 +72,7 @@ def register(
     start = se3.as_rigid(init, "init")
     warn_of_units(source, target)
 
-    method = presets.preset(preset) if isinstance(preset, str) else preset
+    method = preset if isinstance(preset, Method) else presets.preset(preset)
     if rejector is not None:
         chosen = presets.rejector(rejector) if isinstance(rejector, str) else rejector
         method = replace(method, reject=chosen)
@@ -80,13 +81,20 @@ def register(
 
     outcome = icp(source, target, start, method, on_iteration)
     inlier = outcome.labels.inlier
+    if not outcome.converged and len(outcome.history) < method.criteria.max_iterations:
+        warnings.warn(
+            f"stopped after {len(outcome.history)} iterations: {np.count_nonzero(inlier)} inliers "
+            f"among {inlier.size} points do not determine a motion; is the start too far off?",
+            RegistrationWarning,
+            stacklevel=2,
+        )
     return RegistrationResult(
         transformation=outcome.transformation,
         inlier_probability=source.on_grid(outcome.labels.probability),
         distance=source.on_grid(outcome.matches.distance),
         converged=outcome.converged,
         iterations=len(outcome.history),
-        em_iterations=sum(step.em_iterations for step in outcome.history),
+        em_iterations=outcome.em_iterations,
         overlap=float(inlier.mean()),
         inlier_rmse=rms(outcome.matches.distance[inlier]),
         seconds=time.perf_counter() - started,

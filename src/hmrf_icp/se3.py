@@ -19,7 +19,8 @@ Array: TypeAlias = NDArray[np.float64]
 RIGID_TOLERANCE = 1e-3
 """How far ``R.T @ R`` may stand from the identity before a matrix is refused.
 
-Pose files are written with three to six decimals: 1e-3 accepts those and refuses a scale or a shear.
+Pose files are written with three to six decimals: 1e-3 accepts those and
+refuses a scale or a shear.
 """
 
 

@@ -1,1 +1,1 @@
-"""Compiled inner loops. Import them where they are called: importing Numba takes longer than a call."""
+"""Compiled inner loops. Import them where they are called: Numba alone takes longer than a call."""
