@@ -2,12 +2,11 @@
 
 from __future__ import annotations
 
-import json
 import math
 from collections.abc import Iterator
 from contextlib import ExitStack, contextmanager
 from pathlib import Path
-from typing import TYPE_CHECKING, Annotated, Any
+from typing import TYPE_CHECKING, Annotated
 
 import typer
 
@@ -133,6 +132,7 @@ def register(
     """
     import hmrf_icp
     from hmrf_icp.cli.progress import registration_bar
+    from hmrf_icp.cli.summary import json_text, summary
     from hmrf_icp.io import read_pose
 
     method = presets.preset(preset)
@@ -144,27 +144,30 @@ def register(
     start = None if init is None else read_pose(init)
     _check_outputs(output, figure, [file for file in (source, target, camera, init) if file])
 
-    with registration_bar() as bar:
-        bar.stage("Reading")
-        moving, moving_is_depth = _read(source, lens, depth_scale, max_depth)
-        staying, staying_is_depth = _read(target, lens, depth_scale, max_depth)
-        given = (camera, intrinsics, depth_scale, max_depth)
-        if not (moving_is_depth or staying_is_depth) and any(o is not None for o in given):
-            _note("neither file is a depth map: the options for depth maps have no effect")
-        bar.stage("Registering", total=method.criteria.max_iterations)
-        with _arguments_named({"source": source, "target": target, "init": init}):
-            result = hmrf_icp.register(
-                moving, staying, start, preset, rejector=rejector, on_iteration=bar
-            )
-        bar.stage("Writing")
-        try:
-            _write(moving, staying, result, output, figure)
-        finally:
-            # A full disk must not cost the result as well.
-            bar.stage("")
+    named = {"preset": preset, "rejector": rejector, "source": source, "target": target}
+    result: RegistrationResult | None = None
+    written: list[Path] = []
+    try:
+        with registration_bar() as bar:
+            bar.stage("Reading")
+            moving, moving_is_depth = _read(source, lens, depth_scale, max_depth)
+            staying, staying_is_depth = _read(target, lens, depth_scale, max_depth)
+            given = (camera, intrinsics, depth_scale, max_depth)
+            if not (moving_is_depth or staying_is_depth) and any(o is not None for o in given):
+                _note("neither file is a depth map: the options for depth maps have no effect")
+            bar.stage("Registering", total=method.criteria.max_iterations)
+            with _arguments_named({"source": source, "target": target, "init": init}):
+                result = hmrf_icp.register(
+                    moving, staying, start, preset, rejector=rejector, on_iteration=bar
+                )
+            bar.stage("Writing")
+            written = _write(moving, staying, result, output, figure)
+    finally:
+        # Also where writing failed: a full disk must not cost the result as well.
+        if result is not None:
             if as_json:
-                typer.echo(_json(result, source, target, preset, rejector))
-    typer.echo(_summary(result, source, target, output, figure), err=as_json)
+                typer.echo(json_text(result, named))
+            typer.echo(summary(result, source.name, target.name, written), err=as_json)
     raise typer.Exit(0 if result.converged else NOT_CONVERGED)
 
 
@@ -230,7 +233,7 @@ def _write(
     result: RegistrationResult,
     output: Path | None,
     figure: Path | None,
-) -> None:
+) -> list[Path]:
     """Write all outputs; none of them moves to its place before every one is complete."""
     from hmrf_icp import se3
     from hmrf_icp.cloud import PointCloud
@@ -251,76 +254,7 @@ def _write(
 
             partial = outputs.enter_context(written_whole(figure))
             registration_figure(source, target, result, partial)
-
-
-def _json(
-    result: RegistrationResult, source: Path, target: Path, preset: str, rejector: str | None
-) -> str:
-    names = (
-        "transformation",
-        "converged",
-        "iterations",
-        "em_iterations",
-        "overlap",
-        "inlier_rmse",
-        "seconds",
-    )
-    optional = ("confidence", "information", "degenerate")
-    content: dict[str, Any] = {name: getattr(result, name) for name in names}
-    content |= {name: getattr(result, name) for name in optional if hasattr(result, name)}
-    content |= {"preset": preset, "rejector": rejector, "source": source, "target": target}
-    return json.dumps(_plain(content), allow_nan=False)
-
-
-def _plain(value: Any) -> Any:
-    """Reduce to what strict JSON has: no array, no path, null for NaN and infinity."""
-    if isinstance(value, dict):
-        return {name: _plain(item) for name, item in value.items()}
-    if hasattr(value, "tolist"):  # an array, or one of NumPy's own numbers
-        value = value.tolist()
-    if isinstance(value, (list, tuple)):
-        return [_plain(item) for item in value]
-    if isinstance(value, float) and not math.isfinite(value):
-        return None
-    return value if value is None or isinstance(value, (bool, int, float)) else str(value)
-
-
-def _summary(
-    result: RegistrationResult,
-    source: Path,
-    target: Path,
-    output: Path | None,
-    figure: Path | None,
-) -> str:
-    """Say the result to a person."""
-    from hmrf_icp import se3
-
-    motion = result.transformation
-    state = "converged" if result.converged else "did NOT converge"
-    lines = [
-        f"{source.name} to {target.name}: {state} after {_count(result.iterations, 'iteration')} "
-        f"({_count(result.em_iterations, 'EM step')}) in {result.seconds:.2f} s",
-        "",
-        f"  overlap      {result.overlap:.1%} of the source's observed points",
-        f"  inlier RMSE  {_length(result.inlier_rmse)}",
-        f"  motion       {_length(se3.translation_norm(motion))}, "
-        f"{math.degrees(se3.rotation_angle(motion)):.3f} deg",
-        "",
-        "  transformation, source to target:",
-        *("  " + " ".join(f"{value:13.8f}" for value in row) for row in motion.tolist()),
-    ]
-    written = [str(path) for path in (output, figure) if path is not None]
-    if written:
-        lines += ["", f"  written: {', '.join(written)}"]
-    return "\n".join(lines)
-
-
-def _count(number: int, noun: str) -> str:
-    return f"{number} {noun}" + ("s" if number != 1 else "")
-
-
-def _length(metres: float) -> str:
-    return f"{1000 * metres:.3g} mm" if metres < 0.1 else f"{metres:.4g} m"
+    return [path for path in (output, figure) if path is not None]
 
 
 def _note(message: str) -> None:

@@ -2,8 +2,6 @@
 
 from __future__ import annotations
 
-import zipfile
-import zlib
 from pathlib import Path
 from typing import Any
 
@@ -42,7 +40,7 @@ def read_npz(path: Path) -> PointCloud:
     InputError
         Not an NPZ archive, cut short, or without an array that holds points.
     """
-    with reading(path, "an NPZ archive", zipfile.BadZipFile, zlib.error):
+    with reading(path, "an NPZ archive"):
         archive = np.load(path, allow_pickle=False)
         if isinstance(archive, np.ndarray):
             raise InputError(f"{path}: an NPY array by the name of an NPZ archive")

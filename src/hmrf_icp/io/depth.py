@@ -2,24 +2,34 @@
 
 from __future__ import annotations
 
+import io
 import os
-import warnings
 from pathlib import Path
-from typing import Any
+from typing import TYPE_CHECKING, Any
 
 import numpy as np
 from numpy.typing import NDArray
 
 from hmrf_icp.errors import InputError
 from hmrf_icp.io.arrays import read_npy
-from hmrf_icp.io.files import check_suffix, existing_file, reading
+from hmrf_icp.io.files import check_suffix, existing_file, quietly, reading
 from hmrf_icp.io.pgm import read_pgm
+
+if TYPE_CHECKING:
+    from PIL.ImageFile import ImageFile
 
 IMAGE_SUFFIXES = (".png", ".pgm", ".tif", ".tiff")
 """Files that can only be depth maps."""
 
 DEPTH_SUFFIXES = (*IMAGE_SUFFIXES, ".npy")
 """Files that may be depth maps; an array in NPY may also be a cloud."""
+
+MOST_PIXELS = 100_000_000
+"""Images of more are taken for damaged: a few bytes can promise gigabytes."""
+
+_PNG_START = b"\x89PNG\r\n\x1a\n"
+_PNG_END = b"IEND\xaeB`\x82"
+_TIFF_STARTS = (b"II*\0", b"MM\0*", b"II+\0", b"MM\0+")
 
 # Pillow's name for a layout of pixels -> what it is in words, for the layouts that cannot be depth.
 _NOT_DEPTH = {
@@ -72,42 +82,40 @@ def check_depth_type(path: Path, depth: NDArray[Any]) -> NDArray[Any]:
 
 
 def _read_image(path: Path) -> NDArray[Any]:
-    from PIL import Image, UnidentifiedImageError
+    # Opened by class and not by Image.open, whose limit on the size is a warning of the process.
+    from PIL.PngImagePlugin import PngImageFile
+    from PIL.TiffImagePlugin import TiffImageFile
 
-    with (
-        reading(path, "an image", Image.DecompressionBombError),
-        warnings.catch_warnings(),
-        path.open("rb") as stream,
-    ):
-        # Pillow warns of files that are damaged (and then raises, or reads on past what does not
-        # matter) and of sizes that no depth map has; only the latter is news.
-        warnings.simplefilter("ignore")
-        warnings.simplefilter("error", Image.DecompressionBombWarning)
-        try:
-            image = Image.open(stream, formats=("PNG", "TIFF"))
-        except Image.DecompressionBombWarning as error:
-            raise InputError(f"{path}: too large for a depth map: {error}") from None
-        except UnidentifiedImageError:
-            raise InputError(
-                f"{path}: not a PNG or TIFF image, or cut short in its first bytes"
-            ) from None
-        if image.mode in _NOT_DEPTH or len(image.getbands()) > 1:
-            found = _NOT_DEPTH.get(
-                image.mode, f"an image of {len(image.getbands())} channels ({image.mode})"
-            )
-            raise InputError(
-                f"{path}: {found}, expected one channel of depth: 16-bit integers or 32-bit "
-                "floating point"
-            )
-        frames = getattr(image, "n_frames", 1)
-        if frames > 1:
-            raise InputError(f"{path}: {frames} images in one file, expected one")
-        if image.format == "PNG":
-            # Checksums and the closing chunk, of which decoding sees only part; it also keeps
-            # a damaged file out where another library has told Pillow to put up with those.
-            image.verify()
-            stream.seek(0)
-            image = Image.open(stream, formats=("PNG",))
-        pixels = np.array(image)
-    # Some versions of Pillow widen 16-bit PNG to 32 bits, which would hide that 65535 is its end.
-    return pixels.astype(np.uint16) if image.format == "PNG" else pixels
+    with reading(path, "an image"):
+        data = path.read_bytes()
+        if data.startswith(_PNG_START):
+            if _PNG_END not in data:
+                raise InputError(f"{path}: the PNG image is cut short")
+            # Checksums, which decoding leaves unread; it also keeps a damaged file out where
+            # another library has told Pillow to put up with those.
+            PngImageFile(io.BytesIO(data)).verify()
+            # Some versions of Pillow widen to 32 bits, which would hide that 65535 is the end.
+            return _pixels(path, PngImageFile(io.BytesIO(data))).astype(np.uint16)
+        if data.startswith(_TIFF_STARTS):
+            with quietly():
+                return _pixels(path, TiffImageFile(io.BytesIO(data)))
+        raise InputError(f"{path}: not a PNG or TIFF image, its first bytes are {data[:8]!r}")
+
+
+def _pixels(path: Path, image: ImageFile) -> NDArray[Any]:
+    bands = len(image.getbands())
+    if image.mode in _NOT_DEPTH or bands > 1:
+        found = _NOT_DEPTH.get(image.mode, f"an image of {bands} channels ({image.mode})")
+        raise InputError(
+            f"{path}: {found}, expected one channel of depth: 16-bit integers or 32-bit "
+            "floating point"
+        )
+    frames = getattr(image, "n_frames", 1)
+    if frames > 1:
+        raise InputError(f"{path}: {frames} images in one file, expected one")
+    if image.width * image.height > MOST_PIXELS:
+        raise InputError(
+            f"{path}: an image of {image.width} x {image.height} pixels is larger than any depth "
+            "map, or its header is damaged"
+        )
+    return np.array(image)

@@ -4,26 +4,15 @@ from __future__ import annotations
 
 import os
 import stat
+import threading
+import warnings
 from collections.abc import Iterable, Iterator
 from contextlib import contextmanager
 from pathlib import Path
 
 from hmrf_icp.errors import InputError
 
-# What the standard library, NumPy, Pillow and plyfile raise on a file that is cut short or is
-# something else. Pillow's own is SyntaxError, on a broken PNG; MemoryError is a header that
-# promises the moon. A bug of this package is likelier an AttributeError or a NameError: not here.
-_UNREADABLE: tuple[type[Exception], ...] = (
-    OSError,
-    ValueError,
-    SyntaxError,
-    EOFError,
-    KeyError,
-    IndexError,
-    TypeError,
-    OverflowError,
-    MemoryError,
-)
+_ALONE = threading.Lock()
 
 
 def existing_file(path: str | os.PathLike[str]) -> Path:
@@ -49,8 +38,12 @@ def existing_file(path: str | os.PathLike[str]) -> Path:
 
 
 @contextmanager
-def reading(path: Path, what: str, *also: type[Exception]) -> Iterator[None]:
+def reading(path: Path, what: str) -> Iterator[None]:
     """Turn whatever reading ``path`` raises into an InputError that names it.
+
+    Whatever: on damaged files NumPy, Pillow and plyfile raise a dozen kinds,
+    among them errors of the tokenizer, of struct, of zlib, and SyntaxError.
+    The original stays attached as the cause.
 
     Parameters
     ----------
@@ -58,17 +51,26 @@ def reading(path: Path, what: str, *also: type[Exception]) -> Iterator[None]:
         The file.
     what
         What it was read as, with its article: "a PNG image".
-    also
-        Exceptions of the library at work that derive from ``Exception`` directly.
     """
-    failures = _UNREADABLE + also
     try:
         yield
     except InputError:
         raise
-    except failures as error:
+    except Exception as error:
         reason = getattr(error, "strerror", None) or str(error) or type(error).__name__
         raise InputError(f"{path}: cannot be read as {what}: {reason}") from error
+
+
+@contextmanager
+def quietly() -> Iterator[None]:
+    """Drop the warnings of a library that warns of a damaged file and then raises, or reads on.
+
+    The filters of warnings belong to the process: one thread at a time, lest
+    one restores what another had set.
+    """
+    with _ALONE, warnings.catch_warnings():
+        warnings.simplefilter("ignore")
+        yield
 
 
 def check_suffix(path: Path, known: Iterable[str], verb: str) -> str:

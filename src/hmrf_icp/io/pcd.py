@@ -108,7 +108,8 @@ def read_pcd(path: Path) -> PointCloud:
 def write_pcd(path: Path, cloud: PointCloud) -> None:
     """Write a binary PCD file; an organised cloud keeps its grid, NaN where unobserved."""
     points = cloud.points.reshape(-1, 3)
-    single = points.astype("<f4")
+    with np.errstate(over="ignore"):
+        single = points.astype("<f4")
     exact = bool(np.nanmax(np.abs(single - points), initial=0.0) <= ROUNDING)
     width, height = (cloud.shape[1], cloud.shape[0]) if cloud.organised else (len(points), 1)
     size = 4 if exact else 8

@@ -10,7 +10,7 @@ from numpy.typing import NDArray
 
 from hmrf_icp.cloud import PointCloud
 from hmrf_icp.errors import InputError
-from hmrf_icp.io.files import reading
+from hmrf_icp.io.files import quietly, reading
 
 
 def read_ply(path: Path) -> PointCloud:
@@ -24,9 +24,9 @@ def read_ply(path: Path) -> PointCloud:
     InputError
         Not a PLY file, without vertices of x, y and z, or with fewer than it promises.
     """
-    from plyfile import PlyData, PlyElementParseError, PlyParseError
+    from plyfile import PlyData, PlyElementParseError
 
-    with reading(path, "a PLY file", PlyParseError):
+    with reading(path, "a PLY file"), quietly():
         try:
             ply = PlyData.read(str(path))
         except PlyElementParseError as error:

@@ -1,0 +1,82 @@
+"""A registration's result as text: for people, and as JSON for programs."""
+
+from __future__ import annotations
+
+import json
+import math
+from collections.abc import Mapping, Sequence
+from pathlib import Path
+from typing import Any
+
+from hmrf_icp import se3
+from hmrf_icp.result import RegistrationResult
+
+_NUMBERS = (
+    "transformation",
+    "converged",
+    "iterations",
+    "em_iterations",
+    "overlap",
+    "inlier_rmse",
+    "seconds",
+)
+_WHERE_THERE_ARE = ("confidence", "information", "degenerate")
+
+
+def summary(
+    result: RegistrationResult, source: str, target: str, written: Sequence[Path] = ()
+) -> str:
+    """Say the result to a person, in lines of less than 80 columns where names permit."""
+    motion = result.transformation
+    state = "converged" if result.converged else "did NOT converge"
+    lines = [
+        f"{source} to {target}: {state} after {_count(result.iterations, 'iteration')}",
+        "",
+        f"  overlap      {result.overlap:.1%} of the source's observed points",
+        f"  inlier RMSE  {_length(result.inlier_rmse)}",
+        f"  motion       {_length(se3.translation_norm(motion))}, "
+        f"{math.degrees(se3.rotation_angle(motion)):.3f} deg",
+        f"  time         {result.seconds:.2f} s, {_count(result.em_iterations, 'EM step')}",
+        "",
+        "  transformation, source to target:",
+        *("  " + " ".join(f"{value:13.8f}" for value in row) for row in motion.tolist()),
+    ]
+    if written:
+        lines += ["", *(f"  written: {path}" for path in written)]
+    return "\n".join(lines)
+
+
+def json_text(result: RegistrationResult, also: Mapping[str, Any]) -> str:
+    """Write the result as one strict JSON object, on one line.
+
+    Parameters
+    ----------
+    result
+        Of it the numbers; not what there is one of for each point.
+    also
+        More to say: which files, which preset.
+    """
+    content = {name: getattr(result, name) for name in _NUMBERS}
+    content |= {name: getattr(result, name) for name in _WHERE_THERE_ARE if hasattr(result, name)}
+    return json.dumps(_plain(content | dict(also)), allow_nan=False)
+
+
+def _plain(value: Any) -> Any:
+    """Reduce to what strict JSON has: no array, no path, null for NaN and infinity."""
+    if hasattr(value, "tolist"):  # an array, or one of NumPy's own numbers
+        value = value.tolist()
+    if isinstance(value, dict):
+        return {name: _plain(item) for name, item in value.items()}
+    if isinstance(value, (list, tuple)):
+        return [_plain(item) for item in value]
+    if isinstance(value, float) and not math.isfinite(value):
+        return None
+    return str(value) if isinstance(value, Path) else value
+
+
+def _count(number: int, noun: str) -> str:
+    return f"{number} {noun}" + ("s" if number != 1 else "")
+
+
+def _length(metres: float) -> str:
+    return f"{1000 * metres:.3g} mm" if metres < 0.1 else f"{metres:.4g} m"
