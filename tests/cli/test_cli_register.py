@@ -1,0 +1,370 @@
+"""``hmrf-icp register``, as someone at a terminal meets it."""
+
+from __future__ import annotations
+
+import json
+import sys
+import warnings
+
+import numpy as np
+import pytest
+from PIL import Image
+
+import hmrf_icp
+from hmrf_icp import PinholeCamera, PointCloud, presets, se3
+from hmrf_icp.cli import main
+from hmrf_icp.io import read_cloud, write_cloud, write_pose
+
+CAMERA = PinholeCamera(width=48, height=36, fx=50.0, fy=50.0, cx=23.5, cy=17.5)
+INTRINSICS = ("--intrinsics", "50,50,23.5,17.5")
+TRUTH = se3.exp([0.004, -0.006, 0.005, 0.004, 0.003, -0.002])
+
+
+@pytest.fixture
+def command(monkeypatch, capsys):
+    """Run ``hmrf-icp`` with arguments: exit status, stdout, stderr."""
+
+    def run(*arguments):
+        monkeypatch.setattr(sys, "argv", ["hmrf-icp", *map(str, arguments)])
+        capsys.readouterr()
+        with pytest.raises(SystemExit) as stop:
+            main()
+        return stop.value.code, *capsys.readouterr()
+
+    return run
+
+
+def surface():
+    """A wall with three waves, which fixes all six degrees of freedom; metres."""
+    v, u = np.mgrid[:36, :48].astype(float)
+    return 1.5 + 0.12 * np.sin(u / 5) + 0.1 * np.cos(v / 4) + 0.08 * np.sin((u + 2 * v) / 9)
+
+
+@pytest.fixture
+def pair(tmp_path):
+    """Two depth maps of one view, in millimetres, each with other holes."""
+    for name, hole in (("source", np.s_[5:9, 5:12]), ("target", np.s_[20:26, 30:40])):
+        depth = np.round(1000 * surface()).astype(np.uint16)
+        depth[hole] = 0
+        Image.fromarray(depth).save(tmp_path / f"{name}.png")
+    return tmp_path / "source.png", tmp_path / "target.png"
+
+
+@pytest.fixture
+def clouds(tmp_path):
+    """An organised source and an unorganised target that is the source moved by TRUTH."""
+    source = PointCloud.from_depth(surface(), CAMERA)
+    write_cloud(tmp_path / "source.pcd", source)
+    target = PointCloud(se3.transform(TRUTH, source.observed_points))
+    write_cloud(tmp_path / "target.ply", target)
+    return tmp_path / "source.pcd", tmp_path / "target.ply"
+
+
+def test_two_depth_maps(command, pair):
+    status, out, err = command("register", *pair, *INTRINSICS)
+    assert status == 0
+    assert "source.png to target.png: converged after" in out
+    assert "overlap" in out
+    assert "transformation, source to target:" in out
+    assert err == ""
+
+
+def test_json_is_one_strict_object_and_nothing_else(command, clouds):
+    def refuse(constant):
+        raise AssertionError(f"{constant} is not JSON")
+
+    status, out, err = command("register", *clouds, "--json")
+    content = json.loads(out, parse_constant=refuse)
+    assert status == 0
+    assert {
+        "transformation",
+        "converged",
+        "iterations",
+        "em_iterations",
+        "overlap",
+        "inlier_rmse",
+        "seconds",
+    } <= content.keys()
+    assert out.count("\n") == 1
+    assert content["converged"] is True
+    assert np.shape(content["transformation"]) == (4, 4)
+    assert 0 <= content["overlap"] <= 1
+    assert content["preset"] == presets.DEFAULT
+    assert "transformation, source to target" in err, "what is for people stands on stderr"
+
+
+def test_json_says_what_the_library_says(command, clouds):
+    _, out, _ = command("register", *clouds, "--json", "--rejector", "x84")
+    result = hmrf_icp.register(*map(read_cloud, clouds), rejector="x84")
+    content = json.loads(out)
+    np.testing.assert_array_equal(content["transformation"], result.transformation)
+    assert content["iterations"] == result.iterations
+    assert content["overlap"] == result.overlap
+
+
+def test_the_start_is_used(command, clouds, tmp_path):
+    write_pose(tmp_path / "init.txt", TRUTH)
+    status, out, _ = command("register", *clouds, "--init", tmp_path / "init.txt", "--json")
+    assert status == 0
+    np.testing.assert_allclose(json.loads(out)["transformation"], TRUTH, atol=1e-3)
+
+
+@pytest.mark.parametrize("suffix", [".ply", ".pcd", ".xyz", ".csv", ".npy", ".npz"])
+def test_output_is_the_source_in_the_frame_of_the_target(command, clouds, tmp_path, suffix):
+    aligned = tmp_path / f"aligned{suffix}"
+    _, out, err = command("register", *clouds, "--json", "--output", aligned)
+    motion = np.array(json.loads(out)["transformation"])
+    expected = se3.transform(motion, read_cloud(clouds[0]).observed_points)
+    np.testing.assert_allclose(read_cloud(aligned).observed_points, expected, atol=1e-6)
+    assert f"written: {aligned}" in err
+
+
+def test_every_rejector_can_be_asked_for(command, pair):
+    for name in presets.rejector_names():
+        status, out, _ = command("register", *pair, *INTRINSICS, "--rejector", name, "--json")
+        assert status in (0, 1)
+        assert json.loads(out)["rejector"] == name
+
+
+def test_camera_from_a_file_and_scale_and_max_depth(command, pair, tmp_path):
+    np.savetxt(tmp_path / "k.txt", CAMERA.matrix)
+    options = ("--camera", tmp_path / "k.txt", "--depth-scale", 2000, "--max-depth", 0.8)
+    aligned = tmp_path / "aligned.npy"
+    status, _, _ = command("register", *pair, *options, "--output", aligned)
+    assert status == 0
+    assert np.nanmax(np.load(aligned)[..., 2]) < 0.81
+
+
+def test_not_converged_is_status_1_with_the_result_printed_and_written(
+    command, pair, tmp_path, monkeypatch
+):
+    register = hmrf_icp.register
+
+    def one_iteration(source, target, init, preset, **options):
+        criteria = hmrf_icp.Criteria(translation=0.0, rotation=0.0, max_iterations=1)
+        return register(source, target, init, preset, criteria=criteria, **options)
+
+    monkeypatch.setattr(hmrf_icp, "register", one_iteration)
+    aligned = tmp_path / "aligned.ply"
+    status, out, err = command("register", *pair, *INTRINSICS, "--json", "--output", aligned)
+    assert status == 1
+    assert json.loads(out)["converged"] is False
+    assert "did NOT converge" in err
+    assert aligned.exists()
+
+
+def test_a_number_that_is_none_is_null_in_json(command, pair, monkeypatch):
+    from dataclasses import replace
+
+    register = hmrf_icp.register
+    monkeypatch.setattr(
+        hmrf_icp, "register", lambda *a, **k: replace(register(*a, **k), inlier_rmse=float("nan"))
+    )
+    _, out, _ = command("register", *pair, *INTRINSICS, "--json")
+    assert json.loads(out)["inlier_rmse"] is None
+
+
+def test_a_mix_up_of_units_is_one_line_of_warning(command, clouds, tmp_path):
+    cloud = read_cloud(clouds[1])
+    write_cloud(tmp_path / "mm.ply", PointCloud(1000 * cloud.points))
+    with warnings.catch_warnings():
+        _, _, err = command("register", clouds[0], tmp_path / "mm.ply", "--json")
+    lines = [line for line in err.splitlines() if "millimetres" in line]
+    assert len(lines) == 1
+    assert lines[0].startswith("Warning: ")
+    assert ".py" not in err
+
+
+def test_options_that_have_no_effect_are_mentioned(command, clouds):
+    _, out, err = command("register", *clouds, "--depth-scale", 1000, "--json")
+    assert "Note: neither file is a depth map" in err
+    json.loads(out)
+
+
+# ---- What goes wrong --------------------------------------------------------------------------
+
+
+def refused(command, tmp_path, *arguments):
+    """Run a command that has to fail, with an output that has to stay; return the message."""
+    old = tmp_path / "old.ply"
+    old.write_text("an earlier result")
+    before = sorted(tmp_path.iterdir())
+    status, out, err = command("register", *arguments, "--output", old)
+    assert status == 2
+    assert out == ""
+    assert "Traceback" not in err
+    assert len(err.splitlines()) == 1, "one paragraph"
+    assert err.startswith("Error: ")
+    assert old.read_text() == "an earlier result"
+    assert sorted(tmp_path.iterdir()) == before, "nothing is left behind"
+    return err
+
+
+def damage(path, kind):
+    """Make ``path`` the file that people really have; return what the message has to say."""
+    if kind == "missing":
+        path.unlink()
+        return "no such file"
+    if kind == "empty":
+        path.write_bytes(b"")
+        return "empty"
+    if kind == "directory":
+        path.unlink()
+        path.mkdir()
+        return "is a directory"
+    if kind == "truncated":
+        path.write_bytes(path.read_bytes()[:-40])
+        return "cut short"
+    if kind == "8-bit":
+        Image.new("L", (48, 36)).save(path)
+        return "8-bit"
+    if kind == "colour":
+        Image.new("RGB", (48, 36)).save(path)
+        return "3 channels"
+    if kind == "blank":
+        Image.fromarray(np.zeros((36, 48), np.uint16)).save(path)
+        return "0 observed points"
+    raise AssertionError(kind)
+
+
+@pytest.mark.parametrize("which", [0, 1])
+@pytest.mark.parametrize(
+    "kind", ["missing", "empty", "directory", "truncated", "8-bit", "colour", "blank"]
+)
+def test_a_bad_depth_map(command, pair, tmp_path, kind, which):
+    says = damage(pair[which], kind)
+    err = refused(command, tmp_path, *pair, *INTRINSICS)
+    assert pair[which].name in err
+    assert says in err
+
+
+@pytest.mark.parametrize("which", [0, 1])
+@pytest.mark.parametrize("kind", ["missing", "empty", "directory", "truncated"])
+def test_a_bad_cloud(command, clouds, tmp_path, kind, which):
+    says = damage(clouds[which], kind)
+    err = refused(command, tmp_path, *clouds)
+    assert clouds[which].name in err
+    assert says in err
+
+
+def test_a_ply_that_promises_more_points_than_it_holds(command, clouds, tmp_path):
+    content = clouds[1].read_bytes()
+    clouds[1].write_bytes(content.replace(b"element vertex 1728", b"element vertex 2000"))
+    err = refused(command, tmp_path, *clouds)
+    assert "target.ply" in err
+    assert "promises 2000 of element 'vertex', the file holds 1728" in err
+
+
+@pytest.mark.parametrize(
+    ("points", "says"),
+    [
+        (np.zeros((9, 3)), "9 observed points of 9, expected at least 10"),
+        (np.full((30, 3), np.nan), "0 observed points"),
+        (np.ones((30, 3)), "the same"),
+        (np.outer(np.arange(30.0), [1, 2, 3]), "one line"),
+    ],
+)
+def test_a_cloud_that_no_motion_can_be_found_from(command, clouds, tmp_path, points, says):
+    np.save(tmp_path / "few.npy", points)
+    err = refused(command, tmp_path, clouds[0], tmp_path / "few.npy")
+    assert "target" in err
+    assert "few.npy" in err
+    assert says in err
+
+
+@pytest.mark.parametrize(
+    ("options", "says"),
+    [
+        ((), "needs the intrinsics"),
+        (("--intrinsics", "50,50"), "--intrinsics: expected four numbers"),
+        (("--intrinsics", "50,50,320,240"), "another image size"),
+        (("--camera", "none.txt"), "none.txt: no such file"),
+        ((*INTRINSICS, "--camera", "k.txt"), "not both"),
+        ((*INTRINSICS, "--depth-scale", "0"), "--depth-scale: expected a positive number"),
+        ((*INTRINSICS, "--depth-scale", "-1000"), "--depth-scale: expected a positive number"),
+        ((*INTRINSICS, "--depth-scale", "nan"), "--depth-scale: expected a positive number"),
+        ((*INTRINSICS, "--max-depth", "0"), "--max-depth: expected a positive number"),
+        ((*INTRINSICS, "--max-depth", "0.5"), "0 observed points"),
+        ((*INTRINSICS, "--init", "none.txt"), "none.txt: no such file"),
+        ((*INTRINSICS, "--preset", "best"), f"expected one of {', '.join(presets.names())}"),
+        (
+            (*INTRINSICS, "--rejector", "none"),
+            f"expected one of {', '.join(presets.rejector_names())}",
+        ),
+        ((*INTRINSICS, "--figure", "picture.docx"), "picture.docx"),
+        ((*INTRINSICS, "--figure", "none/picture.png"), "does not exist"),
+    ],
+)
+def test_options_that_cannot_be_met(command, pair, tmp_path, options, says):
+    assert says in refused(command, tmp_path, *pair, *options)
+
+
+def test_intrinsics_for_another_image_size(command, pair, tmp_path):
+    matrix = [50.0, 0, 0, 0, 50, 0, 23.5, 17.5, 1]
+    content = {"width": 640, "height": 480, "intrinsic_matrix": matrix}
+    (tmp_path / "k.json").write_text(json.dumps(content))
+    err = refused(command, tmp_path, *pair, "--camera", tmp_path / "k.json")
+    assert "k.json" in err
+    assert "640 x 480" in err
+    assert "48 x 36" in err
+
+
+def test_a_start_that_is_not_rigid(command, pair, tmp_path):
+    np.savetxt(tmp_path / "scaled.txt", np.diag([2.0, 2, 2, 1]))
+    err = refused(command, tmp_path, *pair, *INTRINSICS, "--init", tmp_path / "scaled.txt")
+    assert "scaled.txt" in err
+    assert "not a rotation" in err
+
+
+def test_unknown_kind_of_input_lists_the_known(command, pair, tmp_path):
+    (tmp_path / "scan.las").write_text("LASF")
+    err = refused(command, tmp_path, pair[0], tmp_path / "scan.las", *INTRINSICS)
+    assert "scan.las" in err
+    assert ".ply, .pcd" in err
+
+
+def test_a_source_without_a_grid_where_the_method_needs_one(command, clouds, tmp_path):
+    err = refused(command, tmp_path, clouds[1], clouds[1], "--preset", "paper")
+    assert "target.ply" in err
+    assert "organised" in err
+
+
+@pytest.mark.parametrize("name", ["aligned.las", "none/aligned.ply", "source.png"])
+def test_an_output_that_cannot_be_is_refused_before_the_work(
+    command, pair, tmp_path, name, monkeypatch
+):
+    monkeypatch.setattr(hmrf_icp, "register", lambda *a, **k: pytest.fail("worked in vain"))
+    before = pair[0].read_bytes()
+    status, out, err = command("register", *pair, *INTRINSICS, "--output", tmp_path / name)
+    assert status == 2
+    assert name in err
+    assert out == ""
+    assert pair[0].read_bytes() == before
+
+
+def test_an_output_never_replaces_an_input(command, clouds):
+    before = clouds[0].read_bytes()
+    status, _, err = command("register", *clouds, "--output", clouds[0])
+    assert status == 2
+    assert "is an input of this run" in err
+    assert clouds[0].read_bytes() == before
+
+
+def test_when_writing_fails_the_result_is_printed_and_no_output_replaced(
+    command, clouds, tmp_path, monkeypatch
+):
+    def disk_full(path, cloud):
+        path.write_bytes(b"half")
+        raise OSError(28, "No space left on device", str(path))
+
+    monkeypatch.setattr("hmrf_icp.io.write_cloud", disk_full)
+    old = tmp_path / "old.ply"
+    old.write_text("an earlier result")
+    before = sorted(tmp_path.iterdir())
+    status, out, err = command("register", *clouds, "--json", "--output", old)
+    assert status == 2
+    assert "No space left on device" in err
+    assert "written" not in err
+    assert np.shape(json.loads(out)["transformation"]) == (4, 4)
+    assert old.read_text() == "an earlier result"
+    assert sorted(tmp_path.iterdir()) == before
