@@ -1,0 +1,161 @@
+"""What stands in a report, in the order in which a person would ask for it."""
+
+from __future__ import annotations
+
+import platform
+import shlex
+from collections.abc import Mapping, Sequence
+from typing import Any
+
+from hmrf_icp.evaluate.report.comparison import (
+    comparable_starts,
+    maxima_table,
+    medians_table,
+)
+from hmrf_icp.evaluate.report.confidence import confidence_table
+from hmrf_icp.evaluate.report.confidence_figures import reliability_figure, roc_figure
+from hmrf_icp.evaluate.report.cost_tables import (
+    accuracy_table,
+    effort_table,
+    failure_table,
+    pairs_table,
+)
+from hmrf_icp.evaluate.report.median_figures import medians_figure
+from hmrf_icp.evaluate.report.page import Section, ShownRun
+from hmrf_icp.evaluate.report.paper_panels import paper_panels
+from hmrf_icp.evaluate.report.published import PAPER_ANGLE, PaperRows
+from hmrf_icp.evaluate.report.recall_figures import (
+    recall_by_overlap,
+    recall_by_start,
+    time_against_recall,
+)
+from hmrf_icp.evaluate.report.recall_tables import recall_by_decile_table, recall_table
+from hmrf_icp.evaluate.report.runs import Start
+from hmrf_icp.evaluate.report.study import Study
+from hmrf_icp.evaluate.report.style import Drawing
+from hmrf_icp.evaluate.report.tables import Table
+
+MOST_VALUES = 40
+"""Longer lists of the configuration are cut in the page; config.json has them whole."""
+
+
+def sections(
+    study: Study, papers: Sequence[PaperRows], worst: Sequence[ShownRun], no_picture: str
+) -> list[Section]:
+    """Compute every figure and table of the report.
+
+    Parameters
+    ----------
+    study
+        The evaluation.
+    papers
+        Released rows of the paper to hold it against.
+    worst
+        The worst runs.
+    no_picture
+        Why they have no pictures; empty where they have.
+    """
+    parts = [
+        Section("recall-section", "Who finds the pose", items=_recall(study)),
+        Section(
+            "accuracy-section",
+            "How exactly, and at what cost",
+            items=_some(
+                time_against_recall(study),
+                accuracy_table(study),
+                effort_table(study),
+                failure_table(study),
+            ),
+        ),
+    ]
+    scores = _some(confidence_table(study), roc_figure(study), reliability_figure(study))
+    if scores:
+        parts.append(Section("confidence-section", "Who knows when it failed", items=scores))
+    parts.append(_paper(study, papers))
+    if worst:
+        parts.append(
+            Section(
+                "worst-section",
+                f"The worst runs of {study.headline.label}",
+                paragraphs=_some(
+                    "Failures where the overlap gives no excuse, and the largest errors; of one "
+                    "pair only the first. Blue is the target, orange the source.",
+                    no_picture,
+                ),
+                worst=worst,
+            )
+        )
+    parts.append(_run(study))
+    return parts
+
+
+def _recall(study: Study) -> list[Drawing | Table]:
+    items: list[Drawing | Table] = [recall_table(study), recall_by_overlap(study)]
+    items += [recall_by_decile_table(study, start) for start in study.starts]
+    items.append(recall_by_start(study))
+    return items
+
+
+def _paper(study: Study, papers: Sequence[PaperRows]) -> Section:
+    items: list[Drawing | Table] = [paper_panels(study, start) for start in study.starts]
+    items += _some(maxima_table(study))
+    paragraphs = [
+        "The same four panels as in Stechschulte and Heckman, Hidden Markov Random Field Iterative "
+        "Closest Point (2017), drawn from this evaluation, and the numbers of its text beside ours."
+    ]
+    if not papers:
+        paragraphs.append(
+            "The authors' released rows can be held against these with --paper-csv FILE."
+        )
+    for paper in papers:
+        compared: list[tuple[Start | None, float]] = [*comparable_starts(study, paper)]
+        compared = compared or [(None, PAPER_ANGLE)]
+        for start, angle in compared:
+            items.append(medians_figure(study, paper, start, angle))
+            items += [
+                medians_table(study, paper, start, angle, column)
+                for column in ("error_m", "error_rad")
+            ]
+    return Section("paper-section", "The paper's numbers beside ours", paragraphs, items=items)
+
+
+def _run(study: Study) -> Section:
+    config = dict(study.config)
+    command = config.pop("command", "")
+    if isinstance(command, Sequence) and not isinstance(command, str):
+        command = shlex.join(str(word) for word in command)
+    remarks: list[str] = []
+    for key in ("notes", "skipped", "left_out", "warnings"):
+        found = config.pop(key, ())
+        remarks += [found] if isinstance(found, str) else [str(item) for item in found]
+    paragraphs = [] if study.config else ["There is no config.json beside results.csv."]
+    if remarks:
+        paragraphs.append("Left out, and why:")
+    return Section(
+        "run-section",
+        "What was run",
+        paragraphs=paragraphs,
+        command=str(command),
+        remarks=remarks,
+        items=[pairs_table(study)],
+        facts=[*_flat(config), ("report made with", f"Python {platform.python_version()}")],
+    )
+
+
+def _flat(config: Mapping[str, Any], before: str = "") -> list[tuple[str, str]]:
+    facts: list[tuple[str, str]] = []
+    for key, value in config.items():
+        name = f"{before}{key}".replace("_", " ")
+        if isinstance(value, Mapping):
+            facts += _flat(value, f"{name}: ")
+        elif isinstance(value, list | tuple):
+            shown = ", ".join(str(item) for item in value[:MOST_VALUES])
+            more = len(value) - MOST_VALUES
+            facts.append((name, shown + (f" and {more} more" if more > 0 else "") or "none"))
+        else:
+            facts.append((name, "not given" if value is None else str(value)))
+    return facts
+
+
+def _some(*items: Any) -> list[Any]:
+    return [item for item in items if item]

@@ -1,0 +1,160 @@
+"""What a method's name in ``results.csv`` stands for: one of the paper's, a preset, a peer."""
+
+from __future__ import annotations
+
+import re
+from collections.abc import Iterable, Mapping, Sequence
+from dataclasses import dataclass
+from typing import Any, Literal
+
+from hmrf_icp.evaluate.peers import START_FREE
+from hmrf_icp.evaluate.report.published import PAPER_METHODS
+from hmrf_icp.evaluate.report.runs import Runs, Success
+
+Kind = Literal["paper", "preset", "peer"]
+
+THRESHOLD = re.compile(r"^(?P<family>.+)@(?P<threshold>\d+(?:\.\d+)?)$")
+"""A peer at a distance threshold: ``gicp@0.05``."""
+
+LABELS = {
+    "all": "All",
+    "percent": "Percent",
+    "sigma": "Sigma",
+    "x84": "X84",
+    "dynamic": "Dynamic",
+    "hmrf": "HMRF",
+    "o3d-point": "Open3D point-to-point",
+    "o3d-plane": "Open3D point-to-plane",
+    "o3d-tukey": "Open3D point-to-plane, Tukey",
+    "o3d-multiscale": "Open3D multi-scale",
+    "gicp": "GICP",
+    "gicp-chain": "GICP, thresholds in turn",
+    "fricp": "Fast and Robust ICP",
+    "kiss-gicp": "KISS-Matcher, then GICP",
+}
+"""The paper's legend, and the peers in words; other names are shown as they are."""
+
+
+@dataclass(frozen=True)
+class Method:
+    """A method of the evaluation.
+
+    Attributes
+    ----------
+    name
+        As in ``results.csv``.
+    kind
+        One of the paper's six, another preset of this package, or a peer.
+    family
+        A peer's name without its threshold; the name itself otherwise.
+    threshold
+        A peer's distance threshold, metres; None where it takes none.
+    """
+
+    name: str
+    kind: Kind
+    family: str
+    threshold: float | None = None
+
+    @property
+    def label(self) -> str:
+        """For people."""
+        label = family_label(self.family)
+        return label if self.threshold is None else f"{label}, {self.threshold:g} m"
+
+    @property
+    def needs_start(self) -> bool:
+        """Whether the start makes a difference to it."""
+        return self.family not in START_FREE
+
+
+@dataclass(frozen=True)
+class Roster:
+    """The methods of an evaluation, in three kinds."""
+
+    methods: tuple[Method, ...]
+
+    @classmethod
+    def of(cls, runs: Runs, config: Mapping[str, Any]) -> Roster:
+        """Tell the methods of some runs apart, with the lists in ``config.json`` where it has them.
+
+        A name that neither list has is one of the paper's, a preset of the
+        installed package, or else a peer.
+        """
+        from hmrf_icp import presets
+
+        own = {*PAPER_METHODS, *presets.names(), *_names(config.get("methods"))}
+        found = (describe(name, own) for name in runs.methods)
+        rank = {name: place for place, name in enumerate(PAPER_METHODS)}
+        kinds: tuple[Kind, ...] = ("paper", "preset", "peer")
+        ordered = sorted(
+            found,
+            key=lambda m: (kinds.index(m.kind), rank.get(m.name, 0), m.family, m.threshold or 0.0),
+        )
+        return cls(tuple(ordered))
+
+    def of_kind(self, *kinds: Kind) -> tuple[Method, ...]:
+        """Return the methods of some kinds."""
+        return tuple(method for method in self.methods if method.kind in kinds)
+
+    @property
+    def own(self) -> tuple[Method, ...]:
+        """The paper's methods and the presets."""
+        return self.of_kind("paper", "preset")
+
+    @property
+    def peers(self) -> tuple[Method, ...]:
+        """What other people have written."""
+        return self.of_kind("peer")
+
+    @property
+    def families(self) -> Mapping[str, tuple[Method, ...]]:
+        """Peers by family, each in the order of its thresholds."""
+        families: dict[str, tuple[Method, ...]] = {}
+        for peer in self.peers:
+            families[peer.family] = (*families.get(peer.family, ()), peer)
+        return families
+
+    def headline(self, runs: Runs, success: Success) -> Method:
+        """Return the method that the report is about.
+
+        The preset that solves most; without one the paper's field, HMRF; without
+        that whatever solves most.
+        """
+        presets = self.of_kind("preset")
+        field = tuple(method for method in self.of_kind("paper") if method.name == "hmrf")
+        return best(runs, presets or field or self.own or self.methods, success)
+
+
+def family_label(family: str) -> str:
+    """Write a family of methods in words."""
+    return LABELS.get(family, family)
+
+
+def describe(name: str, own: Iterable[str]) -> Method:
+    """Tell what a name stands for, given the names of this package's own methods."""
+    if name in PAPER_METHODS:
+        return Method(name, "paper", name)
+    if name in own:
+        return Method(name, "preset", name)
+    match = THRESHOLD.match(name)
+    if match is None:
+        return Method(name, "peer", name)
+    return Method(name, "peer", match["family"], float(match["threshold"]))
+
+
+def best(runs: Runs, methods: Sequence[Method], success: Success) -> Method:
+    """Return the method of the highest recall over some runs, the first of equals."""
+    solved = runs.solved(success)
+
+    def recall(method: Method) -> float:
+        mask = runs.of(method.name)
+        return float(solved[mask].mean()) if mask.any() else -1.0
+
+    return max(methods, key=recall)
+
+
+def _names(value: Any) -> tuple[str, ...]:
+    if isinstance(value, Sequence) and not isinstance(value, str):
+        return tuple(item for item in value if isinstance(item, str))
+    return ()

@@ -1,0 +1,254 @@
+"""The rows of ``results.csv`` as columns, with what a report asks of them."""
+
+from __future__ import annotations
+
+import csv
+import math
+from collections.abc import Callable, Mapping, Sequence
+from dataclasses import dataclass
+from fractions import Fraction
+from functools import cached_property
+from pathlib import Path
+from typing import Any, NamedTuple, TypeAlias
+
+import numpy as np
+from numpy.typing import NDArray
+
+from hmrf_icp.errors import InputError
+from hmrf_icp.evaluate.report.statistics import decile
+
+Mask: TypeAlias = NDArray[np.bool_]
+
+TEXT = ("pair", "target", "source", "axis", "method", "failure")
+NUMBERS = (
+    "overlap",
+    "angle",
+    "translation",
+    "error_m",
+    "error_rad",
+    "iterations",
+    "em_iterations",
+    "seconds",
+    "converged",
+    "confidence",
+    "fitness",
+)
+REQUIRED = ("overlap", "angle", "method", "error_m", "error_rad", "iterations", "seconds")
+
+
+class Success(NamedTuple):
+    """When a run counts as solved: both errors at most these."""
+
+    metres: float = 0.05
+    radians: float = 0.05
+
+    def __str__(self) -> str:
+        return f"{self.metres:g} m and {self.radians:g} rad"
+
+
+class Start(NamedTuple):
+    """How far from the true pose a run began: a rotation in radians, a translation in metres."""
+
+    angle: float
+    translation: float
+
+    @property
+    def label(self) -> str:
+        """For people: ``π/30``, ``π/6 + 0.3 m``, ``true pose``."""
+        if self.angle == 0 and self.translation == 0:
+            return "true pose"
+        if self.translation == 0:
+            return angle_label(self.angle)
+        return f"{angle_label(self.angle)} + {self.translation:g} m"
+
+    @property
+    def slug(self) -> str:
+        """For file names: ``pi-30``, ``pi-6-0.3m``."""
+        angle = angle_label(self.angle).replace("π", "pi").replace("/", "-").replace(" ", "")
+        return angle if self.translation == 0 else f"{angle}-{self.translation:g}m"
+
+
+def angle_label(angle: float) -> str:
+    """Write an angle as the fraction of π that it is, or in radians where it is none."""
+    share = Fraction(angle / math.pi).limit_denominator(60)
+    if angle <= 0 or not math.isclose(float(share) * math.pi, angle, rel_tol=1e-4):
+        return f"{angle:.3g} rad"
+    numerator = "π" if share.numerator == 1 else f"{share.numerator}π"
+    return numerator if share.denominator == 1 else f"{numerator}/{share.denominator}"
+
+
+@dataclass(frozen=True, eq=False)
+class Runs:
+    """Runs as columns of equal length.
+
+    Attributes
+    ----------
+    text
+        Columns of words: pair, target, source, axis, method, failure. Empty
+        strings where the file has no such column.
+    numbers
+        Columns of numbers: overlap, angle (rad), translation (m), error_m,
+        error_rad, iterations, em_iterations, seconds, converged (0 or 1),
+        confidence, fitness. NaN where a row has none: a method that failed has
+        no error.
+    line
+        Line of the file that each run stands on.
+    """
+
+    text: Mapping[str, NDArray[np.str_]]
+    numbers: Mapping[str, NDArray[np.float64]]
+    line: NDArray[np.intp]
+
+    def __len__(self) -> int:
+        return int(self.line.size)
+
+    def __getitem__(self, column: str) -> NDArray[Any]:
+        """One column by its name in the file."""
+        return self.text[column] if column in self.text else self.numbers[column]
+
+    def where(self, keep: NDArray[Any]) -> Runs:
+        """Return the runs under a mask or at some indices."""
+        return Runs(
+            {name: column[keep] for name, column in self.text.items()},
+            {name: column[keep] for name, column in self.numbers.items()},
+            self.line[keep],
+        )
+
+    @cached_property
+    def starts(self) -> tuple[Start, ...]:
+        """The different starts, the smallest rotation first."""
+        both = {*zip(self["angle"].tolist(), self["translation"].tolist(), strict=True)}
+        return tuple(Start(*start) for start in sorted(both))
+
+    def begun_at(self, start: Start) -> Mask:
+        """Mask the runs from one start."""
+        mask: Mask = (self["angle"] == start.angle) & (self["translation"] == start.translation)
+        return mask
+
+    @cached_property
+    def methods(self) -> tuple[str, ...]:
+        """Names of the methods, in the order in which they first appear."""
+        return tuple(dict.fromkeys(self["method"].tolist()))
+
+    def of(self, method: str) -> Mask:
+        """Mask the runs of one method."""
+        mask: Mask = self["method"] == method
+        return mask
+
+    def solved(self, success: Success) -> Mask:
+        """Mask the runs that ended within both thresholds; a run without a pose did not."""
+        mask: Mask = (self["error_m"] <= success.metres) & (self["error_rad"] <= success.radians)
+        return mask
+
+    @cached_property
+    def failed(self) -> Mask:
+        """Runs that gave no pose at all."""
+        mask: Mask = ~(np.isfinite(self["error_m"]) & np.isfinite(self["error_rad"]))
+        return mask
+
+    @cached_property
+    def decile(self) -> NDArray[np.intp]:
+        """Decile of overlap of each run, 0 to 9."""
+        return decile(self["overlap"])
+
+    @cached_property
+    def problem(self) -> NDArray[np.intp]:
+        """Number of the problem that each run tried: same pair, same start, same axis."""
+        keys = zip(
+            self["pair"].tolist(),
+            self["angle"].tolist(),
+            self["translation"].tolist(),
+            self["axis"].tolist(),
+            strict=True,
+        )
+        numbers: dict[tuple[Any, ...], int] = {}
+        return np.array([numbers.setdefault(key, len(numbers)) for key in keys], dtype=np.intp)
+
+
+def read_results(path: Path) -> Runs:
+    """Read ``results.csv``.
+
+    A last line that a killed evaluation left half-written is left out, as the
+    evaluation does when it goes on.
+
+    Raises
+    ------
+    InputError
+        The file is missing or empty, lacks a column, or holds no number where
+        one is needed.
+    """
+    if not path.is_file():
+        raise InputError(
+            f"{path}: no such file; expected the results.csv that `hmrf-icp evaluate` writes "
+            "(give the folder that was its --output)"
+        )
+    content = path.read_text(encoding="utf-8")
+    lines = content.splitlines()
+    if lines and not content.endswith("\n"):
+        lines.pop()
+    if not lines:
+        raise InputError(f"{path}: empty; run `hmrf-icp evaluate` again")
+    reader = csv.reader(lines)
+    header = [name.strip() for name in next(reader)]
+    missing = [name for name in REQUIRED if name not in header]
+    if missing:
+        raise InputError(
+            f"{path}: no column {', '.join(missing)}; expected at least {', '.join(REQUIRED)}, "
+            f"found {', '.join(header)}"
+        )
+    rows: list[list[str]] = []
+    line_numbers: list[int] = []
+    for row in reader:
+        if not row:
+            continue
+        if len(row) != len(header):
+            raise InputError(
+                f"{path}, line {reader.line_num}: {len(row)} values, the header has {len(header)}"
+            )
+        rows.append(row)
+        line_numbers.append(reader.line_num)
+    if not rows:
+        raise InputError(f"{path}: a header and no runs; run `hmrf-icp evaluate` again")
+    return _columns(path, header, rows, line_numbers)
+
+
+def _columns(
+    path: Path, header: Sequence[str], rows: Sequence[Sequence[str]], lines: Sequence[int]
+) -> Runs:
+    place = {name: index for index, name in enumerate(header)}
+
+    def column(name: str, read: Callable[[str], Any], default: Any) -> list[Any]:
+        if name not in place:
+            return [default] * len(rows)
+        index = place[name]
+        values = []
+        for line, row in zip(lines, rows, strict=True):
+            try:
+                values.append(read(row[index]))
+            except ValueError:
+                raise InputError(
+                    f"{path}, line {line}: {name} is {row[index]!r}, expected a number"
+                ) from None
+        return values
+
+    text = {name: np.array(column(name, str.strip, ""), dtype=np.str_) for name in TEXT}
+    absent = {"translation": 0.0}
+    numbers = {
+        name: np.array(column(name, _number, absent.get(name, math.nan)), dtype=np.float64)
+        for name in NUMBERS
+    }
+    for name in ("overlap", "angle", "translation"):
+        bad = np.flatnonzero(~np.isfinite(numbers[name]))
+        if bad.size:
+            raise InputError(f"{path}, line {lines[bad[0]]}: no {name}")
+    if not any(text["pair"]):
+        text["pair"] = np.char.add(np.char.add(text["target"], "-"), text["source"])
+    return Runs(text, numbers, np.array(lines, dtype=np.intp))
+
+
+def _number(word: str) -> float:
+    word = word.strip()
+    if word in ("True", "False"):
+        return float(word == "True")
+    number = float(word) if word else math.nan
+    return number if math.isfinite(number) else math.nan
