@@ -19,7 +19,8 @@ from hmrf_icp.errors import InputError, MissingDependencyError
 if TYPE_CHECKING:
     import requests
 
-CHUNK = 1 << 18
+CHUNK = 1 << 14
+"""Bytes handed on at a time, and how many of them a connection that breaks can lose."""
 
 
 class DownloadError(InputError):
@@ -86,7 +87,7 @@ class ResumingDownloader:
             try:
                 if self._attempt(url):
                     break
-                reason = "the connection was closed"
+                reason = "it was closed in the middle"
             except requests.RequestException as error:
                 reason = _reason(error)
             except OSError as error:
@@ -163,6 +164,17 @@ def _whole_size(answer: requests.Response) -> int | None:
     return int(total) if total.isdigit() else None
 
 
+_REASONS = {
+    "IncompleteRead": "it was closed in the middle",
+    "Connection aborted": "it was closed in the middle",
+    "Connection refused": "refused by the server",
+    "NameResolution": "the server's name cannot be resolved; this machine may be offline",
+    "timed out": "the server did not answer in time",
+    "unreachable": "the network cannot be reached",
+}
+"""What people understand, by a mark of it in what the library says."""
+
+
 def _first_byte(answer: requests.Response) -> int | None:
     first = answer.headers.get("Content-Range", "").removeprefix("bytes ").partition("-")[0]
     return int(first) if first.isdigit() else None
@@ -171,9 +183,9 @@ def _first_byte(answer: requests.Response) -> int | None:
 def _reason(error: Exception) -> str:
     """Find the innermost reason of nested exceptions, the one that people understand."""
     text = str(error)
-    for mark in ("Name or service not known", "Connection refused", "timed out", "unreachable"):
+    for mark, meaning in _REASONS.items():
         if mark.lower() in text.lower():
-            return mark
+            return meaning
     return text[:200] or type(error).__name__
 
 

@@ -2,8 +2,8 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable
-from dataclasses import dataclass
+from collections.abc import Callable, Mapping
+from dataclasses import dataclass, field
 from pathlib import Path
 
 from hmrf_icp.datasets.sequence import Progress, Sequence
@@ -46,12 +46,15 @@ class Collection:
         Opens a member; a callback, or None, is told of the progress.
     default
         Member that the prefix alone stands for, None if it does not.
+    aliases
+        Other names that members go by, not listed.
     """
 
     prefix: str
     members: tuple[str, ...]
     open: Callable[[str, Progress | None], Sequence]
     default: str | None = None
+    aliases: Mapping[str, str] = field(default_factory=dict)
 
     @property
     def names(self) -> tuple[str, ...]:

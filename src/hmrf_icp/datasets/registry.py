@@ -97,6 +97,8 @@ def open_sequence(source: str | os.PathLike[str], *, progress: Progress | None =
 def _open_named(
     collection: Collection, name: str, member: str | None, progress: Progress | None
 ) -> Sequence:
+    if member is not None:
+        member = collection.aliases.get(member, member)
     if member is None or member not in collection.members:
         raise InputError(f"{name}: no such sequence; known are {', '.join(collection.names)}")
     return collection.open(member, progress)

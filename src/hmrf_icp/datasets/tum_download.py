@@ -78,9 +78,8 @@ def open_tum_name(member: str, progress: Progress | None = None, server: str = S
     DownloadError
         See `hmrf_icp.datasets.download.fetch`.
     """
-    name = _ALIASES.get(member, member)
-    folder = fetch(archive(name, server), cache_folder(), progress, _is_depth)
-    return dataclasses.replace(open_tum(folder), name=f"tum:{name}")
+    folder = fetch(archive(member, server), cache_folder(), progress, _is_depth)
+    return dataclasses.replace(open_tum(folder), name=f"tum:{member}")
 
 
 def _is_depth(path: PurePosixPath) -> bool:
@@ -88,4 +87,4 @@ def _is_depth(path: PurePosixPath) -> bool:
     return path.parts[:1] != ("rgb",)
 
 
-COLLECTION = Collection("tum", (*SEQUENCES, *_ALIASES), open_tum_name)
+COLLECTION = Collection("tum", SEQUENCES, open_tum_name, aliases=_ALIASES)
