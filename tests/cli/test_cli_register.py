@@ -5,6 +5,7 @@ from __future__ import annotations
 import json
 import sys
 import warnings
+from types import SimpleNamespace
 
 import numpy as np
 import pytest
@@ -368,3 +369,44 @@ def test_when_writing_fails_the_result_is_printed_and_no_output_replaced(
     assert np.shape(json.loads(out)["transformation"]) == (4, 4)
     assert old.read_text() == "an earlier result"
     assert sorted(tmp_path.iterdir()) == before
+
+
+@pytest.fixture
+def drawing(monkeypatch):
+    """Stand in for the figure, whose look is not the matter here."""
+
+    def set_up(draw):
+        monkeypatch.setitem(
+            sys.modules, "hmrf_icp.figures", SimpleNamespace(registration_figure=draw)
+        )
+
+    return set_up
+
+
+def test_figure_is_drawn_of_both_clouds_and_the_result(command, clouds, tmp_path, drawing):
+    drawing(
+        lambda source, target, result, path: path.write_text(
+            f"{path.suffix} {source.shape} {target.shape} {result.converged}"
+        )
+    )
+    status, _, err = command("register", *clouds, "--json", "--figure", tmp_path / "f.png")
+    assert status == 0
+    assert (tmp_path / "f.png").read_text() == ".png (36, 48) (1728,) True"
+    assert "f.png" in err
+
+
+def test_a_figure_that_fails_keeps_the_other_output_from_being_replaced(
+    command, clouds, tmp_path, drawing
+):
+    def fail(source, target, result, path):
+        raise hmrf_icp.InputError("figure: cannot be drawn")
+
+    drawing(fail)
+    for name in ("old.ply", "old.png"):
+        (tmp_path / name).write_text("an earlier result")
+    outputs = ("--output", tmp_path / "old.ply", "--figure", tmp_path / "old.png")
+    status, _, err = command("register", *clouds, *outputs)
+    assert status == 2
+    assert "cannot be drawn" in err
+    for name in ("old.ply", "old.png"):
+        assert (tmp_path / name).read_text() == "an earlier result"

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import math
 from collections.abc import Iterator
-from contextlib import contextmanager
+from contextlib import contextmanager, nullcontext
 from typing import TYPE_CHECKING
 
 if TYPE_CHECKING:
@@ -45,7 +45,7 @@ def registration_bar() -> Iterator[RegistrationBar]:
     from rich.progress import BarColumn, Progress, SpinnerColumn, TextColumn, TimeElapsedColumn
 
     console = Console(stderr=True)
-    with Progress(
+    progress = Progress(
         SpinnerColumn(),
         TextColumn("{task.description}", markup=False),
         BarColumn(bar_width=24),
@@ -53,8 +53,10 @@ def registration_bar() -> Iterator[RegistrationBar]:
         TextColumn("{task.fields[detail]}", markup=False),
         console=console,
         transient=True,
-        disable=not console.is_terminal,
         # stdout belongs to the result: rich would send it to stderr while the bar is up.
         redirect_stdout=False,
-    ) as progress:
+    )
+    # Not started at all where nobody watches: some versions of rich end even a disabled bar with
+    # an empty line.
+    with progress if console.is_terminal else nullcontext():
         yield RegistrationBar(progress)
