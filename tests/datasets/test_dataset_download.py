@@ -8,6 +8,7 @@ import logging
 import sys
 import tarfile
 from collections.abc import Iterator
+from concurrent.futures import ThreadPoolExecutor
 from pathlib import Path
 
 import numpy as np
@@ -150,6 +151,14 @@ def test_a_download_killed_after_its_last_byte_needs_no_more(
 def test_a_part_longer_than_the_file_is_begun_anew(host: Host, cache: Path, tgz: bytes) -> None:
     part_of(cache).write_bytes(tgz + b"more")
     assert fetch(archive(host, tgz), cache).is_dir()
+    assert host.sent == len(tgz)
+
+
+@pytest.mark.skipif(sys.platform == "win32", reason="files are not locked there")
+def test_two_who_fetch_at_once_download_once(host: Host, cache: Path, tgz: bytes) -> None:
+    with ThreadPoolExecutor(2) as both:
+        folders = list(both.map(lambda _: fetch(archive(host, tgz), cache), range(2)))
+    assert folders == [cache / FOLDER] * 2
     assert host.sent == len(tgz)
 
 

@@ -95,7 +95,8 @@ class ResumingDownloader:
             if self._held() <= before:
                 raise DownloadError(
                     f"{url}: no connection: {reason}. {self._held():,} bytes are kept; run the "
-                    "same again to go on from there once there is a connection"
+                    "same again to go on from there once there is a connection, or fetch and unpack "
+                    "the file by other means and give the folder"
                 )
         shutil.move(self.part, output_file)
         self._validator.unlink(missing_ok=True)
