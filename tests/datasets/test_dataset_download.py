@@ -16,8 +16,9 @@ import pytest
 from dataset_writers import recording, write_tum
 from loopback import Host, serving
 
-from hmrf_icp.datasets import download, open_sequence, progress_bar, tum_download
-from hmrf_icp.datasets.download import CHUNK, Archive, DownloadError, fetch
+from hmrf_icp.datasets import archives, open_sequence, progress_bar, tum_download
+from hmrf_icp.datasets.archives import Archive, fetch
+from hmrf_icp.datasets.download import CHUNK, DownloadError
 from hmrf_icp.errors import InputError, MissingDependencyError
 
 FOLDER = "rgbd_dataset_freiburg1_desk2"
@@ -209,7 +210,7 @@ def test_without_a_server_the_error_says_so_and_what_to_do(cache: Path) -> None:
 def test_a_killed_extraction_is_done_again(
     host: Host, cache: Path, tgz: bytes, monkeypatch: pytest.MonkeyPatch
 ) -> None:
-    extract, count = download._extract, 0
+    extract, count = archives._extract, 0
 
     def killed(tar: tarfile.TarFile, member: tarfile.TarInfo, into: Path) -> None:
         nonlocal count
@@ -218,11 +219,11 @@ def test_a_killed_extraction_is_done_again(
             raise KeyboardInterrupt
         extract(tar, member, into)
 
-    monkeypatch.setattr(download, "_extract", killed)
+    monkeypatch.setattr(archives, "_extract", killed)
     with pytest.raises(KeyboardInterrupt):
         fetch(archive(host, tgz), cache)
     assert not (cache / FOLDER).exists()
-    monkeypatch.setattr(download, "_extract", extract)
+    monkeypatch.setattr(archives, "_extract", extract)
     folder = fetch(archive(host, tgz), cache)
     assert len(list((folder / "depth").iterdir())) == 3
     assert host.sent == len(tgz)  # the archive itself was whole

@@ -6,7 +6,7 @@ import dataclasses
 import os
 from pathlib import Path, PurePosixPath
 
-from hmrf_icp.datasets.download import Archive, fetch
+from hmrf_icp.datasets.archives import Archive, fetch
 from hmrf_icp.datasets.formats import Collection
 from hmrf_icp.datasets.sequence import Progress, Sequence
 from hmrf_icp.datasets.tum import open_tum
@@ -76,7 +76,7 @@ def open_tum_name(member: str, progress: Progress | None = None, server: str = S
     Raises
     ------
     DownloadError
-        See `hmrf_icp.datasets.download.fetch`.
+        See `hmrf_icp.datasets.archives.fetch`.
     """
     folder = fetch(archive(member, server), cache_folder(), progress, _is_depth)
     return dataclasses.replace(open_tum(folder), name=f"tum:{member}")
