@@ -66,6 +66,10 @@ class Family:
         )
 
 
+class NoAnswerError(Exception):
+    """A peer says that it has no answer."""
+
+
 # --- Open3D -----------------------------------------------------------------------------------
 
 
@@ -83,7 +87,7 @@ def _open3d_cloud(cloud: Prepared) -> Any:
 def _open3d(source: Prepared, target: Prepared, init: Array, reach: float, metric: str) -> Outcome:
     import open3d as o3d
 
-    pipeline = o3d.pipelines.registration
+    pipeline: Any = o3d.pipelines.registration
     estimation = {
         "point": lambda: pipeline.TransformationEstimationPointToPoint(),
         "plane": lambda: pipeline.TransformationEstimationPointToPlane(),
@@ -195,7 +199,7 @@ def _fricp(source: Prepared, target: Prepared, init: Array) -> Outcome:
 def _kiss_gicp(source: Prepared, target: Prepared, reach: float) -> Outcome:
     """Match descriptors on voxels of half the threshold, then refine; the start is not used."""
 
-    def both() -> Outcome:
+    def both() -> Outcome | None:
         import kiss_matcher
 
         matcher = kiss_matcher.KISSMatcher(kiss_matcher.KISSMatcherConfig(voxel_size=reach / 2))
@@ -203,12 +207,15 @@ def _kiss_gicp(source: Prepared, target: Prepared, reach: float) -> Outcome:
             list(source.points.astype(np.float32)), list(target.points.astype(np.float32))
         )
         if not found.valid:
-            raise RuntimeError("KISS-Matcher found no consistent matches")
+            return None
         rotation = se3.nearest_rotation(np.asarray(found.rotation, dtype=np.float64))
         return gicp(source, target, se3.rigid(rotation, found.translation), (reach,))
 
     # The answer is the same from every start of a pair: worked out once, charged to each.
-    return source.derived(("kiss", target.name, reach), both)
+    outcome = source.derived(("kiss", target.name, reach), both)
+    if outcome is None:
+        raise NoAnswerError("KISS-Matcher found no consistent matches")
+    return outcome
 
 
 FAMILIES = (
@@ -241,6 +248,11 @@ START_FREE = ("kiss-gicp",)
 """Families that do not look at the start."""
 
 
+def catalogue() -> dict[str, Method]:
+    """Return every peer at every threshold by name, installed or not."""
+    return {method.name: method for family in FAMILIES for method in family.methods()}
+
+
 @dataclass(frozen=True)
 class Choice:
     """The peers to run, and a sentence for each that is not installed."""
@@ -263,10 +275,9 @@ def choose(names: Iterable[str] | None) -> Choice:
     InputError
         An unknown name; the message lists the known ones.
     """
-    catalogue = {method.name: method for family in FAMILIES for method in family.methods()}
     families = {family.name: family for family in FAMILIES}
     wanted = set(families) if names is None else set(names)
-    unknown = sorted(wanted - set(families) - set(catalogue))
+    unknown = sorted(wanted - set(families) - set(catalogue()))
     if unknown:
         raise InputError(
             f"peers: no peer is called {', '.join(unknown)}; known are {', '.join(families)}, "

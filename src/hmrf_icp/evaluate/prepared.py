@@ -52,21 +52,23 @@ class Prepared:
             value, seconds = self._built[key]
             _charge(seconds)
             return cast(T, value)
+        owed = _owed()
         begun = time.perf_counter()
         made = build()
-        self._built[key] = (made, time.perf_counter() - begun)
+        # What it was charged for meanwhile was a part of it, and costs the next one too.
+        self._built[key] = (made, time.perf_counter() - begun + _owed() - owed)
         return made
-
-    def forget(self, key: Hashable) -> None:
-        """Drop what is kept under ``key``, if anything is."""
-        self._built.pop(key, None)
 
 
 _charged = threading.local()
 
 
+def _owed() -> float:
+    return float(getattr(_charged, "seconds", 0.0))
+
+
 def _charge(seconds: float) -> None:
-    _charged.seconds = getattr(_charged, "seconds", 0.0) + seconds
+    _charged.seconds = _owed() + seconds
 
 
 def timed(run: Callable[[], T]) -> tuple[T, float]:
@@ -74,4 +76,4 @@ def timed(run: Callable[[], T]) -> tuple[T, float]:
     _charged.seconds = 0.0
     begun = time.perf_counter()
     value = run()
-    return value, time.perf_counter() - begun + _charged.seconds
+    return value, time.perf_counter() - begun + _owed()

@@ -1,0 +1,278 @@
+"""Who does the work: processes of this machine, or a Dask cluster; and what if one dies."""
+
+from __future__ import annotations
+
+import contextlib
+import signal
+import time
+from collections import deque
+from collections.abc import Callable, Iterable, Iterator
+from concurrent.futures import FIRST_COMPLETED, CancelledError, Executor, Future, wait
+from concurrent.futures.process import BrokenProcessPool
+from dataclasses import dataclass
+from typing import Any, Protocol, TypeVar
+
+from hmrf_icp.errors import InputError, MissingDependencyError
+from hmrf_icp.evaluate.work import ONE_THREAD
+
+CONNECTION_SECONDS = 15.0
+"""How long a scheduler may take to answer."""
+
+CORES_KNOWN_SECONDS = 5.0
+"""How long a cluster's number of cores is believed; workers come and go."""
+
+TASKS_A_CORE = 2
+"""Tasks handed out a core: the next one is there when one is done, and no more wait in memory."""
+
+RETRIES = 3
+"""Times that a cluster tries a task again that raised (a file system that was busy)."""
+
+
+class Task(Protocol):
+    """Work that can be cut into pieces, to find out which of them kills a worker."""
+
+    def split(self) -> tuple[Any, ...]:
+        """Return the pieces; one for work that cannot be cut."""
+
+
+T = TypeVar("T", bound=Task)
+R = TypeVar("R")
+
+
+@dataclass(frozen=True)
+class Lost:
+    """In place of a result: the worker died of this task, and of nothing else."""
+
+    reason: str
+
+
+class Workers(Protocol):
+    """Somewhere to run functions.
+
+    Attributes
+    ----------
+    all_die_together
+        Whether the death of one worker breaks the tasks of all.
+    """
+
+    all_die_together: bool
+
+    def start(self) -> Executor:
+        """Return an executor, a new one if an earlier one broke."""
+
+    def tasks_at_once(self) -> int:
+        """How many tasks to hand out at a time."""
+
+    def stop(self, executor: Executor, at_once: bool) -> None:
+        """Shut down; ``at_once`` without waiting for what runs."""
+
+    def has_died(self, error: BaseException) -> bool:
+        """Whether an exception means that a worker is gone, not that its function raised."""
+
+
+class LocalWorkers:
+    """Processes of this machine, each held to one thread (joblib's loky).
+
+    Parameters
+    ----------
+    count
+        How many; None means one a core, and never more.
+    """
+
+    all_die_together = True
+
+    def __init__(self, count: int | None = None) -> None:
+        if count is not None and count < 1:
+            raise InputError(f"workers: expected one or more, got {count}")
+        cores: int = _loky().cpu_count()
+        self.count: int = cores if count is None else min(count, cores)
+
+    def start(self) -> Executor:
+        """Start the processes."""
+        executor: Executor = _loky().ProcessPoolExecutor(
+            max_workers=self.count, env=ONE_THREAD, initializer=_leave_interrupts_to_the_parent
+        )
+        return executor
+
+    def tasks_at_once(self) -> int:
+        """Two a process."""
+        return TASKS_A_CORE * self.count
+
+    def stop(self, executor: Any, at_once: bool) -> None:
+        """End the processes."""
+        executor.shutdown(wait=True, kill_workers=at_once)
+
+    def has_died(self, error: BaseException) -> bool:
+        """Whether the pool broke."""
+        return isinstance(error, BrokenProcessPool)
+
+
+def _loky() -> Any:
+    try:
+        from joblib.externals import loky
+    except ImportError:
+        raise MissingDependencyError(
+            "evaluating needs joblib: pip install 'hmrf-icp[evaluate]'"
+        ) from None
+    return loky
+
+
+def _leave_interrupts_to_the_parent() -> None:
+    # Ctrl-C reaches every process of the terminal; the parent's is the one that ends them all.
+    signal.signal(signal.SIGINT, signal.SIG_IGN)
+
+
+class ClusterWorkers:
+    """A Dask cluster. The scheduler gives the tasks of a worker that dies to another.
+
+    Parameters
+    ----------
+    address
+        As ``dask scheduler`` prints it, ``tcp://host:8786``. Its workers must
+        have this package, and the data under the same path.
+
+    Raises
+    ------
+    InputError
+        Nobody answers there, or no worker is connected.
+    """
+
+    all_die_together = False
+
+    def __init__(self, address: str) -> None:
+        try:
+            import distributed
+        except ImportError:
+            raise MissingDependencyError(
+                "a scheduler needs Dask: pip install 'hmrf-icp[cluster]'"
+            ) from None
+        client: Any = distributed.Client
+        try:
+            self._client = client(address, timeout=CONNECTION_SECONDS, set_as_default=False)
+        except (OSError, ValueError) as error:
+            raise InputError(
+                f"scheduler: no Dask scheduler answers at {address} ({error}); start one with "
+                "`dask scheduler` and give the address that it prints"
+            ) from None
+        self._address = address
+        self._counted = -CORES_KNOWN_SECONDS
+        self._cores = 0
+
+    def start(self) -> Executor:
+        """Wait for a first worker."""
+        try:
+            self._client.wait_for_workers(1, timeout=CONNECTION_SECONDS)
+        except (OSError, TimeoutError):
+            self._client.close()
+            raise InputError(
+                f"scheduler: {self._address} has no workers; start some with "
+                f"`dask worker {self._address} --nthreads 1`"
+            ) from None
+        executor: Executor = self._client.get_executor(pure=False, retries=RETRIES)
+        return executor
+
+    def tasks_at_once(self) -> int:
+        """Two a core of the cluster as it is now."""
+        if time.monotonic() - self._counted > CORES_KNOWN_SECONDS:
+            self._cores = sum(self._client.ncores().values())
+            self._counted = time.monotonic()
+        return TASKS_A_CORE * max(1, self._cores)
+
+    def stop(self, executor: Executor, at_once: bool) -> None:
+        """Take back what is not done, and hang up; the cluster goes on."""
+        executor.shutdown(wait=not at_once)
+        self._client.close()
+
+    def has_died(self, error: BaseException) -> bool:
+        """Whether the scheduler gave up on a task because each worker that had it died."""
+        import distributed
+
+        return isinstance(error, distributed.KilledWorker)
+
+
+def outcomes(
+    workers: Workers, function: Callable[[T], R], tasks: Iterable[T]
+) -> Iterator[tuple[T, R | Lost]]:
+    """Yield tasks with what the function made of them, in the order in which they are done.
+
+    Where workers die, their tasks are done again: alone, one after the other,
+    if it is not known who was at fault; in pieces, if it is. A piece that kills the worker
+    again is :class:`Lost`. A task that was split comes in its pieces.
+
+    Parameters
+    ----------
+    workers
+        Who works; stopped at the end, however it comes.
+    function
+        Sent to the workers: one that can be imported there.
+    tasks
+        Drawn as there is need.
+
+    Raises
+    ------
+    Whatever the function raises.
+    """
+    tasks = iter(tasks)
+    suspects: deque[T] = deque()
+    running: dict[Future[R], T] = {}
+    executor = workers.start()
+    finished = False
+
+    def hand_out() -> None:
+        alone = bool(suspects) and workers.all_die_together
+        limit = 1 if alone else workers.tasks_at_once()
+        while len(running) < limit:
+            if suspects:
+                task = suspects.popleft()
+            else:
+                more = next(tasks, None)
+                if more is None:
+                    return
+                task = more
+            running[executor.submit(function, task)] = task
+
+    try:
+        while True:
+            hand_out()
+            if not running:
+                break
+            done, _ = wait(running, return_when=FIRST_COMPLETED)
+            if any(_died(workers, future) for future in done) and workers.all_die_together:
+                done = set(wait(running).done)
+            by_itself = len(running) == 1 or not workers.all_die_together
+            broken = False
+            for future in done:
+                task = running.pop(future)
+                error = _error(future)
+                if error is None:
+                    yield task, future.result()
+                elif not workers.has_died(error):
+                    raise error
+                else:
+                    broken = True
+                    pieces = task.split()
+                    if not by_itself:
+                        suspects.append(task)
+                    elif len(pieces) > 1:
+                        suspects.extend(pieces)
+                    else:
+                        yield task, Lost(f"the worker died of it ({error})")
+            if broken and workers.all_die_together:
+                workers.stop(executor, at_once=True)
+                executor = workers.start()
+        finished = True
+    finally:
+        with contextlib.suppress(BrokenProcessPool):
+            workers.stop(executor, at_once=not finished)
+
+
+def _error(future: Future[Any]) -> BaseException | None:
+    try:
+        return future.exception()
+    except CancelledError:
+        return ConnectionError("the scheduler is gone; what is done is kept, start again")
+
+
+def _died(workers: Workers, future: Future[Any]) -> bool:
+    error = _error(future)
+    return error is not None and workers.has_died(error)
