@@ -7,7 +7,8 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from hmrf_icp.evaluate.report.recall_tables import HEADINGS
+from hmrf_icp.evaluate.report.cast import Band
+from hmrf_icp.evaluate.report.methods import Method
 from hmrf_icp.evaluate.report.runs import Mask
 from hmrf_icp.evaluate.report.statistics import Array, area_under_roc, reliability
 from hmrf_icp.evaluate.report.study import Study
@@ -56,35 +57,40 @@ def score_of(study: Study, methods: Sequence[str], label: str, column: str) -> S
     )
 
 
-def scores(study: Study) -> dict[str, list[Score]]:
-    """Every method's score, by kind of method: its confidence, or else its fitness."""
-    found: dict[str, list[Score]] = {}
-    for kind in HEADINGS:
-        members = [method for method in study.roster.methods if method.kind == kind]
-        for method in members:
-            score = score_of(study, [method.name], method.label, "confidence")
-            score = score or score_of(study, [method.name], method.label, "fitness")
-            if score is not None:
-                found.setdefault(kind, []).append(score)
-    pooled = score_of(study, [p.name for p in study.roster.peers], "all peers together", "fitness")
-    if pooled is not None and len(found.get("peer", ())) > 1:
-        found["peer"].append(pooled)
-    return found
+def own_score(study: Study, method: Method) -> Score | None:
+    """Return a method's confidence, or else its fitness; None where it tells neither."""
+    for column in ("confidence", "fitness"):
+        score = score_of(study, [method.name], method.label, column)
+        if score is not None:
+            return score
+    return None
+
+
+def pooled_fitness(study: Study) -> Score | None:
+    """Return the fitness of all peers at all settings, as one score."""
+    return score_of(study, [p.name for p in study.roster.peers], "all peers together", "fitness")
 
 
 def confident(study: Study) -> list[Score]:
     """Return the scores of the methods that give a confidence."""
-    return [
-        score for group in scores(study).values() for score in group if score.column == "confidence"
-    ]
+    found = (
+        score_of(study, [method.name], method.label, "confidence")
+        for method in study.roster.methods
+    )
+    return [score for score in found if score is not None]
 
 
-def confidence_table(study: Study) -> Table | None:
+def confidence_table(study: Study, bands: Sequence[Band], name: str = "confidence") -> Table | None:
     """How well each method's score tells its successes from its failures; None without scores."""
     groups = []
-    for kind, members in scores(study).items():
+    for band in bands:
+        members = [own_score(study, method) for method in band.methods]
+        if band is bands[-1]:
+            members.append(pooled_fitness(study))
         rows = []
         for score in members:
+            if score is None:
+                continue
             calibration = NOTHING
             if score.column == "confidence":
                 error = reliability(np.clip(score.value, 0, 1), score.solved).calibration_error
@@ -102,11 +108,12 @@ def confidence_table(study: Study) -> Table | None:
                     strong=score.column == "confidence",
                 )
             )
-        groups.append(Group(HEADINGS[kind], rows))
+        if rows:
+            groups.append(Group(band.heading, rows))
     if not groups:
         return None
     return Table(
-        name="confidence",
+        name=name,
         caption="Does a method know when it failed? Area under the ROC curve of its own score",
         corner="Method",
         columns=[

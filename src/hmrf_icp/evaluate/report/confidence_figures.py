@@ -6,7 +6,13 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
-from hmrf_icp.evaluate.report.confidence import LOW_OVERLAP, Score, confident, scores
+from hmrf_icp.evaluate.report.confidence import (
+    LOW_OVERLAP,
+    Score,
+    confident,
+    own_score,
+    pooled_fitness,
+)
 from hmrf_icp.evaluate.report.statistics import reliability, roc_curve
 from hmrf_icp.evaluate.report.study import Study
 from hmrf_icp.evaluate.report.style import (
@@ -117,14 +123,14 @@ def roc_figure(study: Study) -> Drawing | None:
 
 def _curves(study: Study) -> list[Score]:
     """Confidences, the paper's field, and the peers together: more cannot be told apart."""
-    found = scores(study)
     chosen = confident(study)
-    labels = {score.label for score in chosen}
-    for score in (*found.get("preset", ()), *found.get("paper", ())):
-        if score.label not in labels and (score.label == "HMRF" or not chosen):
-            chosen.append(score)
-            labels.add(score.label)
-    return [*chosen[: MOST_CURVES - 1], *found.get("peer", ())[-1:]]
+    stated = {score.label for score in chosen}
+    for method in study.roster.own:
+        if method.label not in stated and (method.kind == "preset" or method.name == "hmrf"):
+            score = own_score(study, method)
+            chosen += [] if score is None else [score]
+    pooled = pooled_fitness(study)
+    return chosen[: MOST_CURVES - 1] + ([] if pooled is None else [pooled])
 
 
 def _roc(axes: Axes, curves: list[Score], low_only: bool) -> None:

@@ -2,11 +2,11 @@
 
 from __future__ import annotations
 
-import platform
 import shlex
 from collections.abc import Mapping, Sequence
 from typing import Any
 
+from hmrf_icp.evaluate.report.cast import Band, main_cast, settings_cast
 from hmrf_icp.evaluate.report.comparison import (
     comparable_starts,
     maxima_table,
@@ -55,20 +55,21 @@ def sections(
     no_picture
         Why they have no pictures; empty where they have.
     """
+    cast = main_cast(study)
     parts = [
-        Section("recall-section", "Who finds the pose", items=_recall(study)),
+        Section("recall-section", "Who finds the pose", items=_recall(study, cast)),
         Section(
             "accuracy-section",
             "How exactly, and at what cost",
             items=_some(
                 time_against_recall(study),
-                accuracy_table(study),
-                effort_table(study),
+                accuracy_table(study, cast),
+                effort_table(study, cast),
                 failure_table(study),
             ),
         ),
     ]
-    scores = _some(confidence_table(study), roc_figure(study), reliability_figure(study))
+    scores = _some(confidence_table(study, cast), roc_figure(study), reliability_figure(study))
     if scores:
         parts.append(Section("confidence-section", "Who knows when it failed", items=scores))
     parts.append(_paper(study, papers))
@@ -85,15 +86,35 @@ def sections(
                 worst=worst,
             )
         )
+    settings = settings_cast(study)
+    if settings:
+        parts.append(_settings(study, settings))
     parts.append(_run(study))
     return parts
 
 
-def _recall(study: Study) -> list[Drawing | Table]:
-    items: list[Drawing | Table] = [recall_table(study), recall_by_overlap(study)]
-    items += [recall_by_decile_table(study, start) for start in study.starts]
+def _recall(study: Study, cast: Sequence[Band]) -> list[Drawing | Table]:
+    items: list[Drawing | Table] = [recall_table(study, cast), recall_by_overlap(study)]
+    items += [recall_by_decile_table(study, cast, start) for start in study.starts]
     items.append(recall_by_start(study))
     return items
+
+
+def _settings(study: Study, cast: Sequence[Band]) -> Section:
+    return Section(
+        "settings-section",
+        "Every setting of every peer",
+        items=_some(
+            recall_table(study, cast, "settings-recall"),
+            *(
+                recall_by_decile_table(study, cast, start, "settings-recall-by-overlap")
+                for start in study.starts
+            ),
+            accuracy_table(study, cast, "settings-accuracy"),
+            effort_table(study, cast, "settings-effort"),
+            confidence_table(study, cast, "settings-confidence"),
+        ),
+    )
 
 
 def _paper(study: Study, papers: Sequence[PaperRows]) -> Section:
@@ -121,6 +142,7 @@ def _paper(study: Study, papers: Sequence[PaperRows]) -> Section:
 
 def _run(study: Study) -> Section:
     config = dict(study.config)
+    config.pop("starts", None)  # As labels, they are read more easily.
     command = config.pop("command", "")
     if isinstance(command, Sequence) and not isinstance(command, str):
         command = shlex.join(str(word) for word in command)
@@ -138,7 +160,10 @@ def _run(study: Study) -> Section:
         command=str(command),
         remarks=remarks,
         items=[pairs_table(study)],
-        facts=[*_flat(config), ("report made with", f"Python {platform.python_version()}")],
+        facts=[
+            ("starts", ", ".join(start.label for start in study.starts)),
+            *_flat(config),
+        ],
     )
 
 

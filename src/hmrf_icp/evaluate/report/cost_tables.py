@@ -7,8 +7,9 @@ from collections.abc import Callable, Sequence
 
 import numpy as np
 
+from hmrf_icp.evaluate.report.cast import Band
 from hmrf_icp.evaluate.report.methods import Method
-from hmrf_icp.evaluate.report.recall_tables import HEADINGS, MIXED, Slice
+from hmrf_icp.evaluate.report.recall_tables import MIXED, Slice
 from hmrf_icp.evaluate.report.statistics import decile_label, median
 from hmrf_icp.evaluate.report.study import Study
 from hmrf_icp.evaluate.report.tables import NOTHING, Cell, Group, Row, Table
@@ -24,7 +25,7 @@ def three_digits(value: float | None) -> str:
     return f"{value:.{max(0, decimals)}f}"
 
 
-def accuracy_table(study: Study) -> Table:
+def accuracy_table(study: Study, bands: Sequence[Band], name: str = "accuracy") -> Table:
     """Median errors of the runs that succeeded, a start."""
     runs = study.runs
     parts = [Slice(start) for start in study.starts]
@@ -42,18 +43,18 @@ def accuracy_table(study: Study) -> Table:
         return row
 
     return Table(
-        name="accuracy",
+        name=name,
         caption="Median errors of the runs that succeeded",
         corner="Method",
         columns=[f"{label}: error ({unit})" for label in labels for unit in ("m", "rad")],
-        groups=_by_kind(study, cells),
+        groups=_by_band(study, bands, cells),
         notes=[
             "A method that solves only the easy runs looks accurate here: read beside its recall."
         ],
     )
 
 
-def effort_table(study: Study) -> Table:
+def effort_table(study: Study, bands: Sequence[Band], name: str = "effort") -> Table:
     """List iterations and times of every method over all its runs."""
     runs = study.runs
 
@@ -74,7 +75,7 @@ def effort_table(study: Study) -> Table:
         ]
 
     return Table(
-        name="effort",
+        name=name,
         caption="Iterations and time, over all runs from all starts",
         corner="Method",
         columns=[
@@ -85,7 +86,7 @@ def effort_table(study: Study) -> Table:
             "says it converged",
             "runs without a pose",
         ],
-        groups=_by_kind(study, cells),
+        groups=_by_band(study, bands, cells),
         notes=[
             "A dash stands where a method has no such number or does not tell. Times are those of "
             "the machine named below, with the number of workers that the evaluation used."
@@ -135,14 +136,16 @@ def pairs_table(study: Study) -> Table:
     )
 
 
-def _by_kind(study: Study, cells: Callable[[Method], Sequence[Cell]]) -> list[Group]:
-    groups = []
-    for kind, heading in HEADINGS.items():
-        members = [method for method in study.roster.methods if method.kind == kind]
-        rows = [Row(m.label, cells(m), strong=m == study.headline) for m in members]
-        if rows:
-            groups.append(Group(heading, rows))
-    return groups
+def _by_band(
+    study: Study, bands: Sequence[Band], cells: Callable[[Method], Sequence[Cell]]
+) -> list[Group]:
+    return [
+        Group(
+            band.heading,
+            [Row(m.label, cells(m), strong=m == study.headline) for m in band.methods],
+        )
+        for band in bands
+    ]
 
 
 def _count(value: float | None) -> Cell:

@@ -7,17 +7,13 @@ from dataclasses import dataclass
 
 import numpy as np
 
+from hmrf_icp.evaluate.report.cast import Band, everybody
 from hmrf_icp.evaluate.report.methods import Method
 from hmrf_icp.evaluate.report.runs import Mask, Runs, Start
 from hmrf_icp.evaluate.report.statistics import DECILES, Share, decile_label
 from hmrf_icp.evaluate.report.study import Study
 from hmrf_icp.evaluate.report.tables import NOTHING, Cell, Group, Row, Table
 
-HEADINGS = {
-    "paper": "Methods of the paper",
-    "preset": "Presets of this package",
-    "peer": "Peers, each setting by itself",
-}
 HINDSIGHT_HEADING = "Peers in hindsight"
 MIXED = "all starts"
 
@@ -44,38 +40,40 @@ def recall(study: Study, method: Method, part: Slice) -> Share:
     return Share.of(study.solved[part.of(study.runs) & study.runs.of(method.name)])
 
 
-def recall_table(study: Study) -> Table:
-    """Recall of every method from every start, with the rows that hindsight would give."""
+def recall_table(study: Study, bands: Sequence[Band], name: str = "recall") -> Table:
+    """Recall from every start, with the rows that hindsight would give."""
     parts = [Slice(start) for start in study.starts]
     columns = [start.label for start in study.starts]
     if len(parts) > 1:
         parts.append(Slice())
         columns.append(MIXED)
     return Table(
-        name="recall",
+        name=name,
         caption=f"Recall by start: share of runs that end within {study.success} of the true pose",
         corner="Method",
         columns=columns,
-        groups=_groups(study, parts, detailed=True),
+        groups=_groups(study, bands, parts, detailed=True),
         notes=_notes(study),
     )
 
 
-def recall_by_decile_table(study: Study, start: Start) -> Table:
-    """Recall of every method from one start, by decile of overlap."""
+def recall_by_decile_table(
+    study: Study, bands: Sequence[Band], start: Start, name: str = "recall-by-overlap"
+) -> Table:
+    """Recall from one start, by decile of overlap."""
     begun = study.runs.where(study.runs.begun_at(start))
     deciles = [d for d in range(DECILES) if np.any(begun.decile == d)]
     columns = []
     for d in deciles:
         pairs = len(set(begun["pair"][begun.decile == d].tolist()))
-        columns.append(f"{decile_label(d)} ({pairs} {'pair' if pairs == 1 else 'pairs'})")
+        columns.append(f"{decile_label(d)}\n{pairs} {'pair' if pairs == 1 else 'pairs'}")
     parts = [Slice(start, d) for d in deciles] + [Slice(start)]
     return Table(
-        name=f"recall-by-overlap-{start.slug}",
+        name=f"{name}-{start.slug}",
         caption=f"Recall by overlap, started {start.label} from the true pose",
         corner="Method",
         columns=[*columns, "all"],
-        groups=_groups(study, parts, detailed=False),
+        groups=_groups(study, bands, parts, detailed=False),
     )
 
 
@@ -92,12 +90,14 @@ def share_cell(share: Share, detailed: bool, strong: bool = False, before: str =
     return Cell(f"{share.value:.2f}", share.value, detail, strong)
 
 
-def _groups(study: Study, parts: Sequence[Slice], detailed: bool) -> list[Group]:
-    shares = {m.name: [recall(study, m, part) for part in parts] for m in study.roster.methods}
+def _groups(
+    study: Study, bands: Sequence[Band], parts: Sequence[Slice], detailed: bool
+) -> list[Group]:
+    shares = {m.name: [recall(study, m, part) for part in parts] for m in everybody(bands)}
     # The best of a column is marked among what can be run; hindsight cannot.
     top = [max(row[i].value or 0.0 for row in shares.values()) for i in range(len(parts))]
     groups = []
-    for kind, heading in HEADINGS.items():
+    for band in bands:
         rows = [
             Row(
                 method.label,
@@ -107,11 +107,9 @@ def _groups(study: Study, parts: Sequence[Slice], detailed: bool) -> list[Group]
                 ],
                 strong=method == study.headline,
             )
-            for method in study.roster.methods
-            if method.kind == kind
+            for method in band.methods
         ]
-        if rows:
-            groups.append(Group(heading, rows))
+        groups.append(Group(band.heading, rows))
     rows = _hindsight_rows(study, parts, detailed)
     return [*groups, Group(HINDSIGHT_HEADING, rows)] if rows else groups
 

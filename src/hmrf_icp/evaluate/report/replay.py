@@ -2,15 +2,17 @@
 
 from __future__ import annotations
 
+import math
+import warnings
 from collections.abc import Mapping
 from dataclasses import dataclass
 from pathlib import Path
-from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
 
-from hmrf_icp.errors import HmrfIcpError, InputError
+from hmrf_icp import datasets, se3
+from hmrf_icp.errors import HmrfIcpError, InputError, RegistrationWarning
 from hmrf_icp.evaluate import peers
 from hmrf_icp.evaluate.methods import Method, own_methods
 from hmrf_icp.evaluate.prepared import Prepared
@@ -18,9 +20,16 @@ from hmrf_icp.evaluate.protocol import Axes, Start, perturbed, true_transformati
 from hmrf_icp.evaluate.report.page import ShownRun
 from hmrf_icp.evaluate.report.pictures import Scene, draw_scene
 from hmrf_icp.evaluate.report.study import Study
+from hmrf_icp.evaluate.report.style import Drawing
 from hmrf_icp.evaluate.report.worst import WorstRun, worst_runs
 
 Array = NDArray[np.float64]
+
+RENDERED = "synthetic"
+"""Beginning of the names of data sets that are made on the spot, and so are always there."""
+
+SAME = 1e-4
+"""A run done again that ends within this many metres and radians of its row ended the same."""
 
 
 def shown_runs(study: Study, count: int) -> tuple[list[ShownRun], str]:
@@ -36,12 +45,10 @@ def shown_runs(study: Study, count: int) -> tuple[list[ShownRun], str]:
         return [], ""
     try:
         replay = Replay.of(study)
-        shown = [
-            ShownRun(run, replay.draw(study, run, f"worst-{n}")) for n, run in enumerate(worst, 1)
-        ]
+        drawn = [replay.draw(study, run, f"worst-{place}") for place, run in enumerate(worst, 1)]
     except (HmrfIcpError, OSError) as error:
         return [ShownRun(run, None) for run in worst], f"There are no pictures: {error}."
-    return shown, ""
+    return [ShownRun(run, drawing) for run, drawing in zip(worst, drawn, strict=True)], ""
 
 
 @dataclass(frozen=True, eq=False)
@@ -60,50 +67,67 @@ class Replay:
         By name.
     """
 
-    sequence: Any
+    sequence: datasets.Sequence
     subsample: int
     axes: Axes
     methods: Mapping[str, Method]
 
     @classmethod
     def of(cls, study: Study) -> Replay:
-        """Open the data that ``config.json`` names.
+        """Open the data that ``config.json`` names; nothing is downloaded.
 
         Raises
         ------
         InputError
             It does not name any, or they are not there any more.
         """
-        from hmrf_icp.datasets import open_sequence
-
         config = study.config
-        dataset = config.get("dataset")
-        if not isinstance(dataset, str):
-            raise InputError("config.json does not name the data set")
-        if dataset != "synthetic" and not Path(dataset).is_dir():
+        try:
+            dataset = str(config["dataset"])
+            subsample, axes, seed = (int(config[key]) for key in ("subsample", "axes", "seed"))
+        except (KeyError, TypeError, ValueError) as error:
+            raise InputError(f"config.json does not say how the runs were made ({error})") from None
+        if not dataset.startswith(RENDERED) and not Path(dataset).is_dir():
             raise InputError(f"the data are not at {dataset}")
-        catalogue = dict(own_methods())
-        catalogue.update({m.name: m for family in peers.FAMILIES for m in family.methods()})
         return cls(
-            open_sequence(dataset),
-            int(config.get("subsample", 1)),
-            Axes.random(int(config["axes"]), int(config["seed"])),
-            catalogue,
+            datasets.open_sequence(dataset),
+            subsample,
+            Axes.random(axes, seed),
+            {**own_methods(), **peers.catalogue()},
         )
 
-    def draw(self, study: Study, run: WorstRun, name: str) -> Any:
-        """Register the pair again and draw what came out."""
+    def draw(self, study: Study, run: WorstRun, name: str) -> Drawing:
+        """Register the pair again and draw what came out.
+
+        Raises
+        ------
+        InputError
+            A frame cannot be read, or the method is not in this installation.
+        """
         row = study.runs.where(np.array([run.index]))
-        frames = [self.sequence.frame(int(row[role][0])) for role in ("source", "target")]
+        source_frame = self.sequence.frame(int(row["source"][0]))
+        target_frame = self.sequence.frame(int(row["target"][0]))
         source, target = (
-            Prepared(frame.load().subsample(self.subsample), frame.index) for frame in frames
+            Prepared(frame.load().subsample(self.subsample), frame.index)
+            for frame in (source_frame, target_frame)
         )
-        truth = true_transformation(frames[0].pose, frames[1].pose)
+        truth = true_transformation(source_frame.pose, target_frame.pose)
         start = Start(float(row["angle"][0]), float(row["translation"][0]))
         init = perturbed(truth, source.centroid, self.axes, int(row["axis"][0]), start)
         end = None
+        caption = f"{run.title}: {run.facts}."
         if not row.failed[0]:
-            end = self.methods[str(row["method"][0])].register(source, target, init).transformation
+            end = self._registered(str(row["method"][0]), source, target, init)
+            metres, radians = se3.error(end, truth)
+            recorded = float(row["error_m"][0]), float(row["error_rad"][0])
+            if not (
+                math.isclose(metres, recorded[0], rel_tol=0.01, abs_tol=SAME)
+                and math.isclose(radians, recorded[1], rel_tol=0.01, abs_tol=SAME)
+            ):
+                caption += (
+                    f" Done again for this picture, the run ended {metres:.3g} m and {radians:.3g} "
+                    "rad off: not as in its row, so versions or data have changed since."
+                )
         scene = Scene(
             source.points,
             target.points,
@@ -112,4 +136,12 @@ class Replay:
             truth,
             from_camera=self.sequence.sensor == "depth camera",
         )
-        return draw_scene(scene, name, f"{run.title}: {run.facts}.")
+        return draw_scene(scene, name, caption)
+
+    def _registered(self, name: str, source: Prepared, target: Prepared, init: Array) -> Array:
+        if name not in self.methods:
+            raise InputError(f"there is no method called {name} in this installation")
+        with warnings.catch_warnings():
+            # What the method had to say of these clouds, it said when it was evaluated.
+            warnings.simplefilter("ignore", RegistrationWarning)
+            return self.methods[name].register(source, target, init).transformation

@@ -61,7 +61,7 @@ class Table:
     corner
         Heading of the column of labels.
     columns
-        Headings of the other columns, with units.
+        Headings of the other columns, with units; a line break where it helps.
     groups
         The rows.
     notes
@@ -89,7 +89,8 @@ class Table:
     def markdown(self) -> str:
         """Write as a GitHub table under its caption."""
         lines = [f"**{self.caption}**", ""]
-        lines.append("| " + " | ".join(map(_escape, (self.corner, *self.columns))) + " |")
+        header = [_escape(name).replace("\n", ", ") for name in (self.corner, *self.columns)]
+        lines.append("| " + " | ".join(header) + " |")
         lines.append("|---" + "|---:" * len(self.columns) + "|")
         for group in self.groups:
             if group.heading:
