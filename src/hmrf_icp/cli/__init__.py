@@ -19,6 +19,7 @@ import typer
 from typer.core import TyperGroup
 
 from hmrf_icp.cli.register import register
+from hmrf_icp.cli.report import report
 from hmrf_icp.errors import HmrfIcpError, RegistrationWarning
 
 BAD_INPUT = 2
@@ -64,6 +65,7 @@ app = typer.Typer(
 
 # One line a command, in the order in which --help lists them.
 app.command()(register)
+app.command()(report)
 
 
 def main() -> None:
