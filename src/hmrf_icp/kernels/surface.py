@@ -1,0 +1,207 @@
+"""Planes fitted to the neighbours of every point."""
+
+from __future__ import annotations
+
+import math
+from typing import Any
+
+import numpy as np
+from numba import njit
+
+MINIMUM = 6
+"""Neighbours below which no plane is fitted."""
+
+JUMP = 4.0
+"""A neighbour farther than this many pixel footprints a pixel is behind a jump in depth."""
+
+GRAZING = 0.15
+"""Smallest cosine of incidence by which a pixel's area is enlarged."""
+
+GAP = 2.0
+"""Angle without neighbours in the tangent plane, rad, that makes a point a border point."""
+
+
+@njit(nogil=True, cache=True, error_model="numpy")
+def smallest_eigenvector(a: Any, b: Any, c: Any, d: Any, e: Any, f: Any) -> Any:
+    """Smallest eigenvalue and its unit vector of [[a, b, c], [b, d, e], [c, e, f]].
+
+    Eigenvalues in closed form; the vector is the longest cross product of two
+    rows of the matrix less the eigenvalue. A zero vector where they are all alike.
+    """
+    mean = (a + d + f) / 3.0
+    spread = (a - mean) ** 2 + (d - mean) ** 2 + (f - mean) ** 2 + 2.0 * (b * b + c * c + e * e)
+    p = math.sqrt(spread / 6.0)
+    if p <= 1e-14 * abs(mean) or p == 0.0:
+        return mean, 0.0, 0.0, 0.0
+    ka, kd, kf, kb, kc, ke = (a - mean) / p, (d - mean) / p, (f - mean) / p, b / p, c / p, e / p
+    half = 0.5 * (ka * (kd * kf - ke * ke) - kb * (kb * kf - ke * kc) + kc * (kb * ke - kd * kc))
+    angle = math.acos(min(1.0, max(-1.0, half))) / 3.0
+    low = mean + 2.0 * p * math.cos(angle + 2.0 * math.pi / 3.0)
+    a, d, f = a - low, d - low, f - low
+    x1, y1, z1 = b * e - c * d, c * b - a * e, a * d - b * b
+    x2, y2, z2 = b * f - c * e, c * c - a * f, a * e - b * c
+    x3, y3, z3 = d * f - e * e, e * c - b * f, b * e - d * c
+    n1 = x1 * x1 + y1 * y1 + z1 * z1
+    n2 = x2 * x2 + y2 * y2 + z2 * z2
+    n3 = x3 * x3 + y3 * y3 + z3 * z3
+    x, y, z, n = x1, y1, z1, n1
+    if n2 > n:
+        x, y, z, n = x2, y2, z2, n2
+    if n3 > n:
+        x, y, z, n = x3, y3, z3, n3
+    if n <= 0.0:
+        return low, 0.0, 0.0, 0.0
+    s = 1.0 / math.sqrt(n)
+    return low, x * s, y * s, z * s
+
+
+@njit(nogil=True, cache=True, error_model="numpy")
+def fit_window(points: Any, viewpoint: Any, angle: float, radius: int) -> Any:
+    """Fit planes in windows of an organised cloud (H, W, 3).
+
+    Returns normals (H, W, 3) towards the viewpoint, standard deviation left
+    over (H, W; NaN where no plane was fitted), border flags and areas (H, W).
+    """
+    height, width, _ = points.shape
+    normals = np.zeros((height, width, 3))
+    residual = np.full((height, width), np.nan)
+    boundary = np.zeros((height, width), np.bool_)
+    area = np.zeros((height, width))
+    for i in range(height):
+        for j in range(width):
+            x0, y0, z0 = points[i, j, 0], points[i, j, 1], points[i, j, 2]
+            if math.isnan(x0):
+                continue
+            vx, vy, vz = x0 - viewpoint[0], y0 - viewpoint[1], z0 - viewpoint[2]
+            reach = math.sqrt(vx * vx + vy * vy + vz * vz)
+            gate = JUMP * angle * reach
+            area[i, j] = (angle * reach) ** 2
+            n = 0
+            sx = sy = sz = xx = xy = xz = yy = yz = zz = 0.0
+            for u in range(-radius, radius + 1):
+                for v in range(-radius, radius + 1):
+                    row, column = i + u, j + v
+                    apart = max(abs(u), abs(v))
+                    inside = 0 <= row < height and 0 <= column < width
+                    if inside:
+                        x = points[row, column, 0] - x0
+                        y = points[row, column, 1] - y0
+                        z = points[row, column, 2] - z0
+                        # False for a hole too: a comparison with NaN is.
+                        inside = x * x + y * y + z * z <= (gate * apart) ** 2
+                    if not inside:
+                        if apart == 1:
+                            boundary[i, j] = True
+                        continue
+                    n += 1
+                    sx += x
+                    sy += y
+                    sz += z
+                    xx += x * x
+                    xy += x * y
+                    xz += x * z
+                    yy += y * y
+                    yz += y * z
+                    zz += z * z
+            if n < MINIMUM:
+                continue
+            k = 1.0 / n
+            sx, sy, sz = sx * k, sy * k, sz * k
+            low, nx, ny, nz = smallest_eigenvector(
+                xx * k - sx * sx,
+                xy * k - sx * sy,
+                xz * k - sx * sz,
+                yy * k - sy * sy,
+                yz * k - sy * sz,
+                zz * k - sz * sz,
+            )
+            toward = -(nx * vx + ny * vy + nz * vz)
+            sign = 1.0 if toward >= 0.0 else -1.0
+            normals[i, j, 0], normals[i, j, 1], normals[i, j, 2] = sign * nx, sign * ny, sign * nz
+            residual[i, j] = math.sqrt(max(low, 0.0) * n / (n - 3.0))
+            if reach > 0.0:
+                area[i, j] /= max(abs(toward) / reach, GRAZING)
+    return normals, residual, boundary, area
+
+
+@njit(nogil=True, cache=True, error_model="numpy")
+def fit_neighbours(points: Any, index: Any, viewpoint: Any) -> Any:
+    """Fit planes to listed neighbours: points (M, 3), index (M, K).
+
+    Returns normals (M, 3) towards the viewpoint, standard deviation left over
+    (M,; NaN where no plane was fitted) and border flags (M,): points with a
+    gap in the directions of their neighbours.
+    """
+    count, k = index.shape
+    normals = np.zeros((count, 3))
+    residual = np.full(count, np.nan)
+    boundary = np.zeros(count, np.bool_)
+    turn = np.empty(k)
+    for i in range(count):
+        sx = sy = sz = xx = xy = xz = yy = yz = zz = 0.0
+        for m in range(k):
+            j = index[i, m]
+            x = points[j, 0] - points[i, 0]
+            y = points[j, 1] - points[i, 1]
+            z = points[j, 2] - points[i, 2]
+            sx += x
+            sy += y
+            sz += z
+            xx += x * x
+            xy += x * y
+            xz += x * z
+            yy += y * y
+            yz += y * z
+            zz += z * z
+        if k < MINIMUM:
+            continue
+        s = 1.0 / k
+        sx, sy, sz = sx * s, sy * s, sz * s
+        low, nx, ny, nz = smallest_eigenvector(
+            xx * s - sx * sx,
+            xy * s - sx * sy,
+            xz * s - sx * sz,
+            yy * s - sy * sy,
+            yz * s - sy * sz,
+            zz * s - sz * sz,
+        )
+        toward = (
+            nx * (viewpoint[0] - points[i, 0])
+            + ny * (viewpoint[1] - points[i, 1])
+            + nz * (viewpoint[2] - points[i, 2])
+        )
+        sign = 1.0 if toward >= 0.0 else -1.0
+        nx, ny, nz = sign * nx, sign * ny, sign * nz
+        normals[i, 0], normals[i, 1], normals[i, 2] = nx, ny, nz
+        residual[i] = math.sqrt(max(low, 0.0) * k / (k - 3.0))
+        boundary[i] = _widest_gap(points, index, i, nx, ny, nz, turn) > GAP
+    return normals, residual, boundary
+
+
+@njit(nogil=True, cache=True, error_model="numpy")
+def _widest_gap(
+    points: Any, index: Any, i: int, nx: float, ny: float, nz: float, turn: Any
+) -> float:
+    """Widest angle in the tangent plane of point i without a neighbour, radians."""
+    if abs(nx) < 0.9:
+        ux, uy, uz = 0.0, nz, -ny
+    else:
+        ux, uy, uz = -nz, 0.0, nx
+    n = 0
+    for m in range(index.shape[1]):
+        j = index[i, m]
+        x = points[j, 0] - points[i, 0]
+        y = points[j, 1] - points[i, 1]
+        z = points[j, 2] - points[i, 2]
+        along = ux * x + uy * y + uz * z
+        across = (ny * uz - nz * uy) * x + (nz * ux - nx * uz) * y + (nx * uy - ny * ux) * z
+        if along != 0.0 or across != 0.0:
+            turn[n] = math.atan2(across, along)
+            n += 1
+    if n < 2:
+        return 2.0 * math.pi
+    angles = np.sort(turn[:n])
+    widest = angles[0] + 2.0 * math.pi - angles[n - 1]
+    for m in range(1, n):
+        widest = max(widest, angles[m] - angles[m - 1])
+    return widest

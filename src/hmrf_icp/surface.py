@@ -1,0 +1,159 @@
+"""The surface that a cloud samples: normals, noise, borders, and how much area a point stands for."""
+
+from __future__ import annotations
+
+import weakref
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import NDArray
+
+from hmrf_icp.cloud import PointCloud
+
+Array = NDArray[np.float64]
+
+WINDOW = 2
+"""Pixels to each side of a pixel whose points its normal is fitted to (a window of 5 x 5)."""
+
+NEIGHBOURS = 16
+"""Points that a normal is fitted to where there is no grid."""
+
+NOISE_FLOOR = 1e-3
+"""Smallest noise, as a share of the spacing of the points: exact clouds have none of their own."""
+
+
+@dataclass(frozen=True, eq=False)
+class Surface:
+    """What can be told of the surface at each observed point; rows as in ``observed_points``.
+
+    Attributes
+    ----------
+    points
+        (M, 3), metres.
+    normals
+        (M, 3) unit normals, towards the viewpoint where it is known (otherwise
+        their sign means nothing); zero where no plane could be fitted.
+    noise
+        (M,) standard deviation of the points along their normals, metres.
+    boundary
+        (M,) whether the point is on the border of what was observed: at the
+        edge of the image, of a hole, or of a jump in depth.
+    area
+        (M,) area that the point stands for, square metres.
+    oriented
+        Whether the normals have a sign.
+    """
+
+    points: Array
+    normals: Array
+    noise: Array
+    boundary: NDArray[np.bool_]
+    area: Array
+    oriented: bool
+
+    @property
+    def spacing(self) -> float:
+        """Typical distance between neighbouring points, metres."""
+        return float(np.sqrt(np.median(self.area)))
+
+    @property
+    def size(self) -> float:
+        """Root mean square distance of the points from their centre, each by its area, metres."""
+        weight = self.area / self.area.sum()
+        centre = weight @ self.points
+        return float(np.sqrt(weight @ ((self.points - centre) ** 2).sum(axis=1)))
+
+
+_SURFACES: weakref.WeakKeyDictionary[PointCloud, Surface] = weakref.WeakKeyDictionary()
+
+
+def surface_of(cloud: PointCloud) -> Surface:
+    """Fit a plane to the neighbours of every point; done once a cloud.
+
+    An organised cloud has its neighbours in a window of the image, those left
+    out that stand behind a jump in depth; any other has them from a k-d tree.
+    The noise is what the fits leave over, as a power of the distance from the
+    sensor (a structured-light camera's grows with its square, a LiDAR's
+    hardly), by least squares over the whole cloud.
+    """
+    known = _SURFACES.get(cloud)
+    if known is None:
+        known = _organised(cloud) if cloud.organised else _unorganised(cloud)
+        _SURFACES[cloud] = known
+    return known
+
+
+def _organised(cloud: PointCloud) -> Surface:
+    from hmrf_icp.kernels.surface import fit_window
+
+    viewpoint = np.zeros(3) if cloud.viewpoint is None else cloud.viewpoint
+    reach = np.linalg.norm(cloud.points - viewpoint, axis=-1)
+    angle = _angular_step(cloud.points, reach)
+    normals, residual, boundary, area = fit_window(cloud.points, viewpoint, angle, WINDOW)
+    seen = cloud.observed
+    return Surface(
+        points=cloud.observed_points,
+        normals=normals[seen],
+        noise=_noise(reach[seen], residual[seen], np.sqrt(area[seen])),
+        boundary=boundary[seen],
+        area=area[seen],
+        oriented=cloud.viewpoint is not None,
+    )
+
+
+def _angular_step(points: Array, reach: Array) -> float:
+    """Median angle between neighbours of the grid, radians, seen from the viewpoint."""
+    steps = [
+        np.linalg.norm(np.diff(points, axis=axis), axis=-1)
+        / (reach[1:] if axis == 0 else reach[:, 1:])
+        for axis in (0, 1)
+    ]
+    both = np.concatenate([step[np.isfinite(step)] for step in steps])
+    return float(np.median(both)) if both.size else 1.0
+
+
+def _unorganised(cloud: PointCloud) -> Surface:
+    from pykdtree.kdtree import KDTree
+
+    from hmrf_icp.kernels.surface import fit_neighbours
+
+    points = cloud.observed_points
+    count = min(NEIGHBOURS, len(points))
+    distance, index = KDTree(points).query(points, k=count)
+    known = cloud.viewpoint is not None
+    viewpoint = cloud.viewpoint if known else points.mean(axis=0)
+    normals, residual, boundary = fit_neighbours(points, index.astype(np.int64), viewpoint)
+    # A disc that holds `count` points: its area shared among them.
+    area = np.pi * distance[:, -1] ** 2 / count
+    floor = area[area > 0].min() if (area > 0).any() else 1.0
+    area = np.maximum(area, floor)
+    reach = np.linalg.norm(points - viewpoint, axis=1) if known else np.ones(len(points))
+    return Surface(
+        points=points,
+        normals=normals,
+        noise=_noise(reach, residual, np.sqrt(area)),
+        boundary=boundary,
+        area=area,
+        oriented=known,
+    )
+
+
+def _noise(reach: Array, residual: Array, spacing: Array) -> Array:
+    """Noise of each point, metres: a power of its distance from the sensor, robustly fitted.
+
+    Medians over eight groups of equal count, so that edges and curvature, which
+    are few, do not count as noise; the power is kept within 0 and 2.5.
+    """
+    floor = NOISE_FLOOR * float(np.median(spacing))
+    good = np.isfinite(residual) & (reach > 0)
+    if np.count_nonzero(good) < 64:
+        return np.full(len(reach), floor)
+    order = np.argsort(reach[good], kind="stable")
+    groups = np.array_split(order, 8)
+    at = np.log([np.median(reach[good][group]) for group in groups])
+    left = np.log(np.maximum([np.median(residual[good][group]) for group in groups], floor))
+    spread = ((at - at.mean()) ** 2).sum()
+    power = float((at - at.mean()) @ left / spread) if spread > 1e-12 else 0.0
+    power = min(max(power, 0.0), 2.5)
+    scale = np.median(left - power * at)
+    return np.maximum(np.exp(scale) * np.maximum(reach, 1e-300) ** power, floor)
