@@ -2,9 +2,14 @@
 
 from __future__ import annotations
 
+import os
 from pathlib import Path
 
 import pytest
+
+# The clouds here are small: threads of the neighbour search would mostly wait for each other, and
+# on a busy machine for long. Read when the library is loaded, which no import above does.
+os.environ.setdefault("OMP_NUM_THREADS", "1")
 
 SHARED = Path(__file__).resolve().parents[2] / "shared"
 

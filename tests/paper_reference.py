@@ -87,14 +87,15 @@ def em(y, z, beta, most_steps):
     """Run EM on (H, W) grids; the field, the steps, and the theta of the last E-step."""
     fields = [z]
     theta = None
-    step = 0
-    for step in range(1, most_steps + 1):
+    steps = 0
+    while steps < most_steps:
+        steps += 1
         theta = m_step(y, fields[-1], theta)
         fields.append(e_step(y, fields[-1], theta, beta))
         signs = [f[~np.isnan(y)] > 0 for f in fields[-3:]]
         if any(np.array_equal(signs[-1], earlier) for earlier in signs[:-1]):
             break
-    return fields[-1], step, theta if theta is not None else m_step(y, z)
+    return fields[-1], steps, theta if theta is not None else m_step(y, z)
 
 
 # The rules that the paper compares with ----------------------------------------------------------

@@ -28,11 +28,11 @@ def patch(height, width, left, right, rng, noise=0.002, holes=0.0):
     return points
 
 
-def pair(seed=0, height=18, width=24, holes=0.15, overlap=0.6):
+def pair(seed=0, height=14, width=18, holes=0.15, overlap=0.6):
     """A source that ``TRUTH`` takes onto the target's surface; the share of it that has a match."""
     rng = np.random.default_rng(seed)
     across = 1.4
     shift = (1 - overlap) * across
     source = patch(height, width, -1.0 + shift, -1.0 + shift + across, rng, holes=holes)
-    target = patch(3 * height // 2, 3 * width // 2, -1.0, -1.0 + across, rng, holes=holes)
+    target = patch(5 * height // 4, 5 * width // 4, -1.0, -1.0 + across, rng, holes=holes)
     return se3.transform(se3.inverse(TRUTH), source), target

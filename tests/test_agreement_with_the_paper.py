@@ -5,11 +5,11 @@ from __future__ import annotations
 from dataclasses import replace
 
 import numpy as np
-import paper_reference as paper
 import pytest
-import synthetic
 
 import hmrf_icp
+import paper_reference as paper
+import synthetic
 from hmrf_icp import presets, se3
 from hmrf_icp.field import Grid, HiddenMarkovRandomField, initial_labels
 from hmrf_icp.reject import mean_spacing
@@ -40,9 +40,9 @@ def fast_em(y, z, beta, steps, precision="double"):
     return laid, labels.em_iterations, labels.parameters
 
 
-@pytest.mark.parametrize("beta", [0.0, 0.1, 0.5, 1.0, 2.0, 5.0])
+@pytest.mark.parametrize("beta", [0.0, 0.3, 1.0, 2.0, 5.0])
 @pytest.mark.parametrize("outliers", [0.0, 0.1, 0.5])
-@pytest.mark.parametrize("steps", [1, 2, 7, 20, 600])
+@pytest.mark.parametrize("steps", [1, 7, 600])
 @pytest.mark.parametrize("holes", [0.0, 0.2, 0.7])
 def test_the_field_is_that_of_the_printed_e_and_m_steps(beta, outliers, steps, holes):
     y = distances(seed=round(7 * beta + 100 * outliers), holes=holes)
