@@ -25,6 +25,11 @@ def three_digits(value: float | None) -> str:
     return f"{value:.{max(0, decimals)}f}"
 
 
+def overlap_words(overlap: float) -> str:
+    """Write an overlap with two decimals, and with more where those say nothing."""
+    return f"{overlap:.2f}" if overlap >= 0.01 else three_digits(overlap)
+
+
 def accuracy_table(study: Study, bands: Sequence[Band], name: str = "accuracy") -> Table:
     """Median errors of the runs that succeeded, a start."""
     runs = study.runs

@@ -60,7 +60,9 @@ class Method:
     def label(self) -> str:
         """For people."""
         label = family_label(self.family)
-        return label if self.threshold is None else f"{label}, {self.threshold:g} m"
+        return (
+            label if self.threshold is None else f"{label}, {self.threshold:g}\N{NO-BREAK SPACE}m"
+        )
 
     @property
     def needs_start(self) -> bool:

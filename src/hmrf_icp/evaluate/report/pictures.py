@@ -42,7 +42,7 @@ class Scene:
     from_camera: bool
 
 
-def draw_scene(scene: Scene, name: str, caption: str) -> Drawing:
+def draw_scene(scene: Scene, name: str, about: str, caption: str = "") -> Drawing:
     """Draw both clouds from ahead and from above, in three columns: start, end, true pose."""
     poses = [("At the start", scene.start), ("At the end", scene.end), ("True pose", scene.truth)]
     views = (
@@ -87,7 +87,7 @@ def draw_scene(scene: Scene, name: str, caption: str) -> Drawing:
             name,
             caption,
             "Two rows of three pictures of the target's points in blue and the source's in orange: "
-            f"at the start, at the end, and under the true pose. {caption}",
+            f"at the start, at the end, and under the true pose. {about}",
         )
 
 

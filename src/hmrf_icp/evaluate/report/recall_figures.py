@@ -118,6 +118,10 @@ def time_against_recall(study: Study) -> Drawing:
             axes.set_xlabel("Median time a run (seconds)")
             axes.set_title(f"Started {start.label} off")
             recall_axis(axes)
+        used = panels[: len(study.starts)]
+        low, high = zip(*(axes.get_xlim() for axes in used), strict=True)
+        for axes in used:
+            axes.set_xlim(min(low), max(high))
         for axes in panels[len(study.starts) :]:
             axes.set_axis_off()
         handles, labels = panels[0].get_legend_handles_labels()

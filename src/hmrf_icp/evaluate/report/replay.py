@@ -115,7 +115,7 @@ class Replay:
         start = Start(float(row["angle"][0]), float(row["translation"][0]))
         init = perturbed(truth, source.centroid, self.axes, int(row["axis"][0]), start)
         end = None
-        caption = f"{run.title}: {run.facts}."
+        caption = ""
         if not row.failed[0]:
             end = self._registered(str(row["method"][0]), source, target, init)
             metres, radians = se3.error(end, truth)
@@ -124,8 +124,8 @@ class Replay:
                 math.isclose(metres, recorded[0], rel_tol=0.01, abs_tol=SAME)
                 and math.isclose(radians, recorded[1], rel_tol=0.01, abs_tol=SAME)
             ):
-                caption += (
-                    f" Done again for this picture, the run ended {metres:.3g} m and {radians:.3g} "
+                caption = (
+                    f"Done again for this picture, the run ended {metres:.3g} m and {radians:.3g} "
                     "rad off: not as in its row, so versions or data have changed since."
                 )
         scene = Scene(
@@ -136,7 +136,7 @@ class Replay:
             truth,
             from_camera=self.sequence.sensor == "depth camera",
         )
-        return draw_scene(scene, name, caption)
+        return draw_scene(scene, name, f"{run.title}: {run.facts}.", caption)
 
     def _registered(self, name: str, source: Prepared, target: Prepared, init: Array) -> Array:
         if name not in self.methods:

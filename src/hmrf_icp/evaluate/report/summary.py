@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from hmrf_icp.evaluate.report.confidence import LOW_OVERLAP, confident
+from hmrf_icp.evaluate.report.cost_tables import overlap_words
 from hmrf_icp.evaluate.report.recall_tables import Slice, recall
 from hmrf_icp.evaluate.report.runs import Start
 from hmrf_icp.evaluate.report.statistics import Share, median
@@ -26,7 +27,7 @@ def _extent(study: Study) -> str:
     starts = ", ".join(start.label for start in study.starts)
     return (
         f"{_count(len(runs), 'run')} of {_count(len(runs.methods), 'method')} on "
-        f"{_count(pairs, 'pair')} of {study.dataset}, overlap {low:.2f} to {high:.2f}, started "
+        f"{_count(pairs, 'pair')} of {study.dataset}, overlap {overlap_words(low)} to {overlap_words(high)}, started "
         f"{starts} from the true pose. A run is solved when it ends within {study.success}."
     )
 

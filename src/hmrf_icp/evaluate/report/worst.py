@@ -7,7 +7,7 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
-from hmrf_icp.evaluate.report.cost_tables import three_digits
+from hmrf_icp.evaluate.report.cost_tables import overlap_words, three_digits
 from hmrf_icp.evaluate.report.runs import Start
 from hmrf_icp.evaluate.report.study import Study
 
@@ -78,7 +78,7 @@ def _described(study: Study, index: int, reason: str) -> WorstRun:
     row = study.runs.where(np.array([index]))
     start = Start(float(row["angle"][0]), float(row["translation"][0]))
     title = f"Source {row['source'][0]} to target {row['target'][0]}"
-    facts = [f"Overlap {row['overlap'][0]:.2f}", f"started {start.label} off"]
+    facts = [f"Overlap {overlap_words(float(row['overlap'][0]))}", f"started {start.label} off"]
     if str(row["axis"][0]):
         facts[-1] += f" (axis {row['axis'][0]})"
     if row.failed[0]:
