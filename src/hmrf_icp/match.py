@@ -21,10 +21,14 @@ class Matches:
         (M,) I_i, row of the closest point in the target's observed points.
     distance
         (M,) Y_i, the distance to it, metres.
+    evidence
+        (M,) what is known of each label beside its distance, as the log-odds of
+        having a counterpart, or None: the field adds it to the likelihood.
     """
 
     index: NDArray[np.intp]
     distance: NDArray[np.float64]
+    evidence: NDArray[np.float64] | None = None
 
 
 class Match(Protocol):
