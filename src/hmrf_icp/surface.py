@@ -1,4 +1,4 @@
-"""The surface that a cloud samples: normals, noise, borders, and how much area a point stands for."""
+"""The surface that a cloud samples: normals, noise, borders, and the area a point stands for."""
 
 from __future__ import annotations
 
@@ -17,6 +17,13 @@ WINDOW = 2
 
 NEIGHBOURS = 16
 """Points that a normal is fitted to where there is no grid."""
+
+THINNING = 3.0
+"""Edge of the cells that keep one neighbour each, in median distances to the nearest neighbour.
+
+The points of a spinning LiDAR stand close along a ring and far from the next:
+their nearest neighbours are a line, to which any plane fits. Thinned, they reach across.
+"""
 
 NOISE_FLOOR = 1e-3
 """Smallest noise, as a share of the spacing of the points: exact clouds have none of their own."""
@@ -118,13 +125,16 @@ def _unorganised(cloud: PointCloud) -> Surface:
     from hmrf_icp.kernels.surface import fit_neighbours
 
     points = cloud.observed_points
-    count = min(NEIGHBOURS, len(points))
-    distance, index = KDTree(points).query(points, k=count)
+    nearest, _ = KDTree(points).query(points, k=2)
+    thin = thinned(points, THINNING * float(np.median(nearest[:, 1])))
+    count = min(NEIGHBOURS, len(thin))
+    distance, index = KDTree(points[thin]).query(points, k=count)
+    index = thin[index]
     known = cloud.viewpoint is not None
     viewpoint = cloud.viewpoint if known else points.mean(axis=0)
-    normals, residual, boundary = fit_neighbours(points, index.astype(np.int64), viewpoint)
-    # A disc that holds `count` points: its area shared among them.
-    area = np.pi * distance[:, -1] ** 2 / count
+    normals, residual, boundary = fit_neighbours(points, index, viewpoint)
+    # A disc that holds all the neighbours before they were thinned: its area shared among them.
+    area = np.pi * distance[:, -1] ** 2 / count * (len(thin) / len(points))
     floor = area[area > 0].min() if (area > 0).any() else 1.0
     area = np.maximum(area, floor)
     reach = np.linalg.norm(points - viewpoint, axis=1) if known else np.ones(len(points))
@@ -136,6 +146,17 @@ def _unorganised(cloud: PointCloud) -> Surface:
         area=area,
         oriented=known,
     )
+
+
+def thinned(points: Array, edge: float) -> NDArray[np.int64]:
+    """Rows of the points (M, 3) that come first in their cell of ``edge`` metres; all if 0."""
+    if not edge > 0:
+        return np.arange(len(points))
+    cell = np.floor((points - points.min(axis=0)) / edge).astype(np.int64)
+    span = cell.max(axis=0) + 1
+    key = (cell[:, 0] * span[1] + cell[:, 1]) * span[2] + cell[:, 2]
+    _, first = np.unique(key, return_index=True)
+    return np.sort(first)
 
 
 def _noise(reach: Array, residual: Array, spacing: Array) -> Array:

@@ -1,0 +1,137 @@
+"""What a sensor saw from where it stood: a range image, and where it looked in vain.
+
+A depth map knows more than its points. A point in front of what was seen on
+its ray stands in space that the sensor looked through; a point behind it is
+hidden; a point beside the image cannot have been seen. A LiDAR scan knows the
+same through a range image about the sensor's place.
+"""
+
+from __future__ import annotations
+
+import weakref
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import NDArray
+
+from hmrf_icp.cloud import PointCloud
+from hmrf_icp.surface import Surface, surface_of
+
+Array = NDArray[np.float64]
+
+PINHOLE, SPHERE = 0, 1
+"""Kinds of projection."""
+
+BAND = 4.0
+"""Depths agree within this many standard deviations of the noise."""
+
+
+@dataclass(frozen=True, eq=False)
+class View:
+    """A range image; rows of ``row`` are those of the cloud's observed points.
+
+    Attributes
+    ----------
+    projection
+        (17,) kind, four numbers of the projection (pixels), the viewpoint
+        (metres) and the rotation into the image's axes, row by row.
+    depth
+        (H, W) metres: along the optical axis of a camera, along the ray of a
+        LiDAR. NaN where nothing was seen.
+    row
+        (H, W) the point that was seen, -1 for none.
+    tolerance
+        (H, W) metres within which a depth agrees with the one that was seen:
+        the noise, and how far the surface recedes over half a pixel.
+    """
+
+    projection: Array
+    depth: Array
+    row: NDArray[np.int32]
+    tolerance: Array
+
+
+_VIEWS: weakref.WeakKeyDictionary[PointCloud, View] = weakref.WeakKeyDictionary()
+
+
+def view_of(cloud: PointCloud) -> View | None:
+    """Range image of a cloud from its viewpoint, None where that is not known; once a cloud."""
+    if cloud.viewpoint is None:
+        return None
+    known = _VIEWS.get(cloud)
+    if known is None:
+        known = _pinhole(cloud) if cloud.camera is not None else _sphere(cloud)
+        _VIEWS[cloud] = known
+    return known
+
+
+def _pinhole(cloud: PointCloud) -> View:
+    """Lay the cloud out on the pixel grid it came from."""
+    camera = cloud.camera
+    assert camera is not None
+    projection = np.zeros(17)
+    projection[:5] = (PINHOLE, camera.fx, camera.fy, camera.cx, camera.cy)
+    projection[8:17] = np.eye(3).ravel()
+    row = np.full(cloud.shape, -1, dtype=np.int32)
+    row[cloud.observed] = np.arange(len(cloud), dtype=np.int32)
+    surface = surface_of(cloud)
+    footprint = surface.points[:, 2] / min(camera.fx, camera.fy)
+    tolerance = _tolerance(surface, np.zeros(3), footprint)
+    return View(
+        projection=projection,
+        depth=cloud.points[..., 2],
+        row=row,
+        tolerance=cloud.on_grid(tolerance),
+    )
+
+
+def _sphere(cloud: PointCloud) -> View:
+    """Range image over azimuth and elevation, about as many pixels as the cloud fills.
+
+    The pole is the axis along which the rays spread least: the axis of a
+    spinning LiDAR however it is mounted.
+    """
+    assert cloud.viewpoint is not None
+    surface = surface_of(cloud)
+    offset = surface.points - cloud.viewpoint
+    reach = np.linalg.norm(offset, axis=1)
+    rays = offset / np.maximum(reach, 1e-300)[:, None]
+    _, axes = np.linalg.eigh(rays.T @ rays)
+    axes = axes.T[[2, 1, 0]]
+    if np.linalg.det(axes) < 0:
+        axes[2] *= -1.0
+    local = rays @ axes.T
+    azimuth = np.arctan2(local[:, 1], local[:, 0])
+    elevation = np.arcsin(np.clip(local[:, 2], -1.0, 1.0))
+    low, high = float(elevation.min()), float(elevation.max())
+    pixel = float(np.sqrt(2.0 * np.pi * max(high - low, 1e-3) / len(reach))) * 1.4
+    width = max(8, int(np.ceil(2.0 * np.pi / pixel)))
+    height = max(2, int(np.ceil((high - low) / pixel)) + 1)
+    per_radian = width / (2.0 * np.pi)
+
+    column = np.minimum(((azimuth + np.pi) * per_radian).astype(np.int64), width - 1)
+    line = np.clip(np.round((elevation - low) * per_radian).astype(np.int64), 0, height - 1)
+    # The nearest point of a pixel is what stopped the ray: written last, it stays.
+    order = np.argsort(-reach, kind="stable")
+    row = np.full((height, width), -1, dtype=np.int32)
+    row[line[order], column[order]] = order
+    filled = row >= 0
+    depth = np.full((height, width), np.nan)
+    depth[filled] = reach[row[filled]]
+    tolerance = np.full((height, width), np.nan)
+    tolerance[filled] = _tolerance(surface, cloud.viewpoint, reach / per_radian)[row[filled]]
+
+    projection = np.zeros(17)
+    projection[:5] = (SPHERE, per_radian, per_radian, 0.5 * width - 0.5, -low * per_radian)
+    projection[5:8] = cloud.viewpoint
+    projection[8:17] = axes.ravel()
+    return View(projection, depth, row, tolerance)
+
+
+def _tolerance(surface: Surface, viewpoint: Array, footprint: Array) -> Array:
+    """Noise, and the recession of the surface over the pixel that it fills."""
+    offset = surface.points - viewpoint
+    reach = np.maximum(np.linalg.norm(offset, axis=1), 1e-300)
+    cosine = np.clip(np.abs((surface.normals * offset).sum(axis=1)) / reach, 0.2, 1.0)
+    slope = np.sqrt(1.0 - cosine**2) / cosine
+    return np.asarray(BAND * surface.noise + slope * footprint)
