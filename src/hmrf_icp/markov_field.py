@@ -1,0 +1,281 @@
+"""The random field in general: any cloud, any residuals, any beta, evidence of any other kind.
+
+The paper's field (:mod:`hmrf_icp.field`) is one choice of all of these: two
+Gaussians, four pixel neighbours, beta = 2 throughout, no external field,
+simultaneous updates, nine points in ten inliers at first.
+"""
+
+from __future__ import annotations
+
+import math
+from dataclasses import dataclass, field
+from types import MappingProxyType
+from typing import Literal
+
+import numpy as np
+from numpy.typing import NDArray
+
+from hmrf_icp import mixture
+from hmrf_icp.beta import LARGEST, Prior, Schedule, most_likely
+from hmrf_icp.cloud import PointCloud
+from hmrf_icp.errors import InputError
+from hmrf_icp.graph import NeighbourGraph, Neighbours, PixelGrid, Update, nearest_graph, ring_graph
+from hmrf_icp.match import Matches
+from hmrf_icp.reject import Labels, Reject
+from hmrf_icp.residuals import Residual, residual
+
+Array = NDArray[np.float64]
+
+SPACING_SAMPLE = 2000
+"""Target points whose distance to the next one is measured for the scale floor."""
+
+
+@dataclass(frozen=True)
+class MarkovField:
+    """EM on a mixture of two residual distributions with a Markov random field prior.
+
+    The log-odds of a point are log f_in(y) / f_out(y), plus the prior's, plus
+    ``Matches.evidence`` where there is any, plus 2 beta sum w z over its
+    neighbours. Scaling both clouds scales every length that is learnt, and
+    changes no label.
+
+    Parameters
+    ----------
+    residuals
+        Distributions of the inliers' and of the outliers' distances, by name
+        (:func:`hmrf_icp.residuals.names`) or instance; ``"auto"`` takes the pair with
+        the best BIC, before the first motion and again at iterations 1, 2, 4, 8, 16...
+    neighbours
+        ``"grid"``, the pixels; ``"nearest"``, the nearest points; ``"ring"``, an organised
+        spinning LiDAR, (beams, azimuths); a graph of the source's observed
+        points; ``"auto"``, the grid where there is one and the nearest where not.
+    beta
+        Strength of the field: a number, a :class:`Schedule` over the ICP
+        iterations, or ``"estimate"``, by maximum pseudo-likelihood at every EM step.
+    update
+        ``"simultaneous"`` (the paper) or ``"sequential"`` (Celeux, Forbes and Peyrard 2003).
+    share
+        Prior share of inliers that the neighbours aside would leave: a number in
+        (0, 1), 0.5 being the paper's none, or ``"learn"``.
+    initial
+        Share of the points, the nearest, that start as inliers.
+    first_steps, steps
+        Most EM steps before the first motion, and within each ICP iteration.
+    scale_floor
+        Least inlier scale, as a share of the target's point spacing: two
+        samplings of one surface are seldom closer.
+    share_floor
+        Least prior share of either label.
+
+    Raises
+    ------
+    InputError
+        A parameter is out of its range, or a name is unknown.
+    """
+
+    residuals: tuple[str | Residual, str | Residual] | Literal["auto"] = ("half-normal", "uniform")
+    neighbours: Literal["auto", "grid", "nearest", "ring"] | NeighbourGraph | PixelGrid = "auto"
+    beta: float | Schedule | Literal["estimate"] = field(default_factory=Schedule)
+    update: Update = "sequential"
+    share: float | Literal["learn"] = "learn"
+    initial: float = 0.5
+    first_steps: int = 50
+    steps: int = 20
+    scale_floor: float = 0.1
+    share_floor: float = 0.01
+
+    def __post_init__(self) -> None:
+        """Refuse what the model has no meaning for."""
+        if self.residuals != "auto":
+            if isinstance(self.residuals, str) or len(self.residuals) != 2:
+                raise InputError(
+                    'residuals: expected "auto" or a pair (inliers, outliers), '
+                    f"got {self.residuals!r}"
+                )
+            for one in self.residuals:
+                residual(one)
+        if isinstance(self.neighbours, str) and self.neighbours not in _NEIGHBOURS:
+            raise InputError(
+                f"neighbours: expected a graph or one of {', '.join(_NEIGHBOURS)}, "
+                f"got {self.neighbours!r}"
+            )
+        if isinstance(self.beta, str):
+            if self.beta != "estimate":
+                raise InputError(f'beta: expected a number or "estimate", got {self.beta!r}')
+        elif not isinstance(self.beta, Schedule) and not 0.0 <= self.beta < math.inf:
+            raise InputError(f"beta: expected a finite number of 0 or more, got {self.beta}")
+        if self.update not in ("simultaneous", "sequential"):
+            raise InputError(
+                f'update: expected "simultaneous" or "sequential", got {self.update!r}'
+            )
+        if isinstance(self.share, str):
+            if self.share != "learn":
+                raise InputError(f'share: expected a number or "learn", got {self.share!r}')
+        elif not 0.0 < self.share < 1.0:
+            raise InputError(f"share: expected a number between 0 and 1, got {self.share}")
+        if not 0.0 < self.initial <= 1.0:
+            raise InputError(f"initial: expected a share in (0, 1], got {self.initial}")
+        if self.first_steps < 0 or self.steps < 0:
+            raise InputError(
+                "first_steps, steps: expected numbers of EM steps of 0 or more, "
+                f"got {self.first_steps}, {self.steps}"
+            )
+        if not 0.0 <= self.scale_floor < math.inf:
+            raise InputError(f"scale_floor: expected a number of 0 or more, got {self.scale_floor}")
+        if not 0.0 < self.share_floor < 0.5:
+            raise InputError(f"share_floor: expected a share in (0, 0.5), got {self.share_floor}")
+
+    def prepare(self, source: PointCloud, target: PointCloud) -> Reject:
+        """Lay out the neighbours of the source, and measure the spacing of the target.
+
+        Raises
+        ------
+        InputError
+            The neighbours asked for are not the source's.
+        """
+        return _Em(
+            self,
+            neighbours_of(source, self.neighbours),
+            self.scale_floor * spacing(target.observed_points) if self.scale_floor > 0 else 0.0,
+        )
+
+
+_NEIGHBOURS = ("auto", "grid", "nearest", "ring")
+
+
+def neighbours_of(
+    source: PointCloud,
+    kind: Literal["auto", "grid", "nearest", "ring"] | NeighbourGraph | PixelGrid = "auto",
+) -> Neighbours:
+    """Find the neighbours of a cloud's observed points.
+
+    Raises
+    ------
+    InputError
+        A grid is asked of a cloud without one, or a graph has another number of points.
+    """
+    if not isinstance(kind, str):
+        if kind.size != len(source):
+            raise InputError(
+                f"neighbours: a graph of {kind.size} points for a source of {len(source)} observed"
+            )
+        return kind
+    if kind == "nearest" or (kind == "auto" and not source.organised):
+        return nearest_graph(source.observed_points)
+    if not source.organised:
+        raise InputError(
+            f"source: {kind!r} neighbours need a cloud organised as an image, (H, W, 3), "
+            f'got {source!r}; neighbours="nearest" takes any'
+        )
+    return ring_graph(source.observed) if kind == "ring" else PixelGrid(source.observed)
+
+
+def spacing(points: Array, sample: int = SPACING_SAMPLE) -> float:
+    """Median distance of points (N, 3) to their nearest other point, metres.
+
+    Of at most ``sample`` of them, evenly chosen.
+    """
+    from pykdtree.kdtree import KDTree
+
+    if len(points) < 2:
+        return 0.0
+    some = np.ascontiguousarray(points[:: max(1, len(points) // sample)])
+    distance, _ = KDTree(points).query(some, k=2)
+    return float(np.median(distance[:, 1]))
+
+
+class _Em:
+    """EM for one pair of clouds.
+
+    What a decision hands to the next is in its labels, but for the kinds of the
+    distributions where those are chosen: no number says what they are.
+    """
+
+    def __init__(self, model: MarkovField, neighbours: Neighbours, smallest: float) -> None:
+        self._model = model
+        self._neighbours = neighbours
+        self._smallest = smallest
+        self._chosen: tuple[Residual, Residual] | None = None
+
+    def __call__(self, matches: Matches, before: Labels | None) -> Labels:
+        """Label."""
+        model, y = self._model, matches.distance
+        if before is None:
+            iteration, steps = 0, model.first_steps
+            z = np.where(y <= np.percentile(y, 100.0 * model.initial), 1.0, -1.0)
+        else:
+            iteration, steps = int(before.parameters.get("iteration", 0.0)) + 1, model.steps
+            z = before.z
+        evidence = np.zeros_like(y) if matches.evidence is None else matches.evidence
+        if np.isnan(evidence).any():
+            raise InputError("evidence: expected log-odds without NaN; 0 says nothing")
+
+        inlier, outlier = self._kinds(y, iteration)
+        everything = np.ones_like(y)
+        # A component without weight keeps what it was; at first that is a fit to everything.
+        inlier = inlier.fit(y, everything, self._smallest)
+        outlier = outlier.fit(y, everything, self._smallest)
+        prior = self._first_prior(iteration)
+        older = z
+        taken = 0
+        while taken < steps:
+            taken += 1
+            inlier = inlier.fit(y, 0.5 * (1.0 + z), self._smallest)
+            outlier = outlier.fit(y, 0.5 * (1.0 - z), self._smallest)
+            prior = self._prior(prior, z)
+            log_odds = inlier.log_density(y) - outlier.log_density(y) + prior.log_odds + evidence
+            oldest, older = older, z
+            z, _ = self._neighbours.steps(
+                log_odds, older, np.array([prior.beta]), model.update, -1.0
+            )
+            sign = z > 0
+            if np.array_equal(sign, older > 0) or np.array_equal(sign, oldest > 0):
+                break
+        return Labels(z, taken, self._report(inlier, outlier, prior, iteration))
+
+    def _kinds(self, y: Array, iteration: int) -> tuple[Residual, Residual]:
+        """Kinds of the distributions; where they are chosen, at iterations that are powers of 2."""
+        if self._model.residuals != "auto":
+            first, second = self._model.residuals
+            return residual(first), residual(second)
+        if self._chosen is None or iteration & (iteration - 1) == 0:
+            best = mixture.choose(y, initial=self._model.initial, smallest=self._smallest)
+            self._chosen = best.inlier, best.outlier
+        return self._chosen
+
+    def _first_prior(self, iteration: int) -> Prior:
+        """Give the prior that does not depend on labels yet."""
+        beta, share = self._model.beta, self._model.share
+        if isinstance(beta, Schedule):
+            beta = beta.at(iteration)
+        return Prior(
+            0.0 if isinstance(beta, str) else float(beta),
+            0.0 if isinstance(share, str) else math.log(share / (1.0 - share)),
+        )
+
+    def _prior(self, prior: Prior, z: Array) -> Prior:
+        """M-step of the prior: what is to be learnt of it, by maximum pseudo-likelihood."""
+        learn_beta, learn_share = self._model.beta == "estimate", self._model.share == "learn"
+        if not (learn_beta or learn_share):
+            return prior
+        return most_likely(
+            z,
+            self._neighbours.sums(z),
+            prior,
+            learn_beta=learn_beta,
+            learn_share=learn_share,
+            largest=LARGEST,
+            share_floor=self._model.share_floor,
+        )
+
+    @staticmethod
+    def _report(
+        inlier: Residual, outlier: Residual, prior: Prior, iteration: int
+    ) -> MappingProxyType[str, float]:
+        """Say what was learnt: lengths in metres; beta, share and shapes without a unit."""
+        learnt = {f"inlier_{k}": v for k, v in inlier.parameters.items()}
+        learnt |= {f"outlier_{k}": v for k, v in outlier.parameters.items()}
+        learnt["beta"] = prior.beta
+        learnt["share"] = 1.0 / (1.0 + math.exp(-prior.log_odds))
+        learnt["iteration"] = float(iteration)
+        return MappingProxyType(learnt)
