@@ -130,6 +130,6 @@ def test_only_inliers_count_and_two_are_too_few():
     align = PointToPoint().prepare(PointCloud(points), PointCloud(target))
     matches = Matches(np.arange(20), np.zeros(20))
     z = np.where(np.arange(20) < 10, 0.3, -0.3)
-    np.testing.assert_allclose(align(points, matches, Labels(z)), truth, atol=1e-9)
+    np.testing.assert_allclose(align(points, matches, Labels(z)).motion, truth, atol=1e-9)
     two = np.where(np.arange(20) < 2, 1.0, -1.0)
     assert align(points, matches, Labels(two)) is None

@@ -11,6 +11,7 @@ from scipy.spatial import cKDTree
 import hmrf_icp
 import synthetic
 from hmrf_icp import PointCloud, presets, se3
+from hmrf_icp.align import Step
 from hmrf_icp.match import Matches, NearestNeighbour
 from hmrf_icp.reject import X84, Dynamic, KeepAll, KeepPercent, KeepSigma, Labels, first_valley
 
@@ -48,7 +49,7 @@ class TranslationOnly:
 
         def align(moved, matches, labels):
             difference = (closest[matches.index] - moved)[labels.inlier]
-            return se3.rigid(np.eye(3), difference.mean(axis=0))
+            return Step(se3.rigid(np.eye(3), difference.mean(axis=0)))
 
         return align
 

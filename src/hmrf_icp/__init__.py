@@ -3,6 +3,7 @@
 from hmrf_icp import presets
 from hmrf_icp.camera import PinholeCamera
 from hmrf_icp.cloud import PointCloud
+from hmrf_icp.degeneracy import FreeMotion
 from hmrf_icp.errors import (
     HmrfIcpError,
     InputError,
@@ -17,6 +18,7 @@ __version__ = "0.1.0"
 
 __all__ = [
     "Criteria",
+    "FreeMotion",
     "HmrfIcpError",
     "InputError",
     "Iteration",

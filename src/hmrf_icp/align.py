@@ -1,4 +1,8 @@
-"""Align: the rigid motion that brings the inliers to their matches (paper, step 3)."""
+"""Align: the rigid motion that brings the inliers to their matches (paper, step 3).
+
+The paper's own, between points, is here; those that look at the surfaces are in
+:mod:`hmrf_icp.metrics`.
+"""
 
 from __future__ import annotations
 
@@ -22,13 +26,37 @@ LEAST_TURN = 1e-12
 """Weight of turning little, as a share of the covariance: decides where the points cannot."""
 
 
-class Align(Protocol):
-    """Find the motion T_step (4, 4) for source points that have been moved to (M, 3).
+@dataclass(frozen=True, eq=False)
+class Step:
+    """One motion, and what the matches know about it.
 
-    None where the inliers do not determine one.
+    Twists are rotation (rad) first, then translation (m), in the target's frame and about
+    its origin: they move what has been moved already, ``se3.exp(twist) @ pose``.
+
+    Attributes
+    ----------
+    motion
+        (4, 4) T_step, for the source points where they are now.
+    information
+        (6, 6) inverse covariance of the twist by which ``motion`` is off; zero along
+        what the matches leave free. None where the metric has no noise to say it in.
+    degenerate
+        (k, 6) unit twists that the matches leave free and ``motion`` has nothing of:
+        1 rad about an axis, or 1 m along one. None where nobody looked.
     """
 
-    def __call__(self, moved: Array, matches: Matches, labels: Labels) -> Array | None:
+    motion: Array
+    information: Array | None = None
+    degenerate: Array | None = None
+
+
+class Align(Protocol):
+    """Find the :class:`Step` for source points that have been moved to (M, 3).
+
+    None where the inliers do not determine a motion.
+    """
+
+    def __call__(self, moved: Array, matches: Matches, labels: Labels) -> Step | None:
         """Align."""
 
 
@@ -47,11 +75,11 @@ class PointToPoint:
         """Nothing but the target's points is needed."""
         closest = target.observed_points
 
-        def align(moved: Array, matches: Matches, labels: Labels) -> Array | None:
+        def align(moved: Array, matches: Matches, labels: Labels) -> Step | None:
             inlier = labels.inlier
             if np.count_nonzero(inlier) < MINIMUM_INLIERS:
                 return None
-            return best_motion(moved[inlier], closest[matches.index[inlier]])
+            return Step(best_motion(moved[inlier], closest[matches.index[inlier]]))
 
         return align
 

@@ -9,7 +9,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from hmrf_icp import se3
-from hmrf_icp.align import Align, Aligner
+from hmrf_icp.align import Align, Aligner, Step
 from hmrf_icp.cloud import PointCloud
 from hmrf_icp.errors import InputError
 from hmrf_icp.match import Match, Matcher, Matches
@@ -98,13 +98,17 @@ class Iteration:
 
 @dataclass(frozen=True, eq=False)
 class Outcome:
-    """Where the loop ended: the motion, the last matches and labels, and how it got there."""
+    """Where the loop ended: the motion, the last matches and labels, and how it got there.
+
+    ``last`` is the last :class:`~hmrf_icp.align.Step` taken; None where there was none.
+    """
 
     transformation: Array
     matches: Matches
     labels: Labels
     converged: bool
     em_iterations: int
+    last: Step | None
     history: tuple[Iteration, ...]
 
 
@@ -140,6 +144,7 @@ def icp(
     em_before = em_iterations = labels.em_iterations
 
     history: list[Iteration] = []
+    last: Step | None = None
     converged = False
     while not converged and len(history) < method.criteria.max_iterations:
         labels = reject(matches, labels)
@@ -147,25 +152,26 @@ def icp(
         step = align(moved, matches, labels)
         if step is None:
             break
-        transformation = step @ transformation
-        moved = se3.transform(step, moved)
+        last = step
+        transformation = step.motion @ transformation
+        moved = se3.transform(step.motion, moved)
         history.append(
             Iteration(
                 iteration=len(history) + 1,
                 em_iterations=em_before + labels.em_iterations,
                 inlier_share=float(labels.inlier.mean()),
-                step_translation=se3.translation_norm(step),
-                step_rotation=se3.rotation_angle(step),
+                step_translation=se3.translation_norm(step.motion),
+                step_rotation=se3.rotation_angle(step.motion),
                 inlier_rmse=rms(matches.distance[labels.inlier]),
                 parameters=labels.parameters,
             )
         )
         em_before = 0
         matches = match(moved)
-        converged = method.criteria.met(step)
+        converged = method.criteria.met(step.motion)
         if on_iteration is not None:
             on_iteration(history[-1])
-    return Outcome(transformation, matches, labels, converged, em_iterations, tuple(history))
+    return Outcome(transformation, matches, labels, converged, em_iterations, last, tuple(history))
 
 
 def rms(distance: Array) -> float:

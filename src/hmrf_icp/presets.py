@@ -1,14 +1,15 @@
-"""Methods and rejectors by name."""
+"""Methods, rejectors and metrics by name."""
 
 from __future__ import annotations
 
 from collections.abc import Callable
 
-from hmrf_icp.align import PointToPoint
+from hmrf_icp.align import Aligner, PointToPoint
 from hmrf_icp.errors import InputError
 from hmrf_icp.field import HiddenMarkovRandomField
 from hmrf_icp.icp import Criteria, Method
 from hmrf_icp.match import NearestNeighbour
+from hmrf_icp.metrics import PlaneToPlane, PointToPlane, Symmetric
 from hmrf_icp.reject import X84, Dynamic, KeepAll, KeepPercent, KeepSigma, Rejector
 
 DEFAULT = "paper"
@@ -27,6 +28,13 @@ _REJECTORS: dict[str, Callable[[], Rejector]] = {
     "dynamic": Dynamic,
 }
 
+_ALIGNERS: dict[str, Callable[[], Aligner]] = {
+    "point-to-point": PointToPoint,
+    "point-to-plane": PointToPlane,
+    "symmetric": Symmetric,
+    "plane-to-plane": PlaneToPlane,
+}
+
 
 def names() -> tuple[str, ...]:
     """Names that ``preset`` may have."""
@@ -36,6 +44,11 @@ def names() -> tuple[str, ...]:
 def rejector_names() -> tuple[str, ...]:
     """Names that ``rejector`` may have, the paper's own first."""
     return tuple(_REJECTORS)
+
+
+def aligner_names() -> tuple[str, ...]:
+    """Names that ``aligner`` may have, the paper's own first."""
+    return tuple(_ALIGNERS)
 
 
 def preset(name: str) -> Method:
@@ -64,3 +77,16 @@ def rejector(name: str) -> Rejector:
             f"rejector: unknown {name!r}, expected one of {', '.join(rejector_names())}"
         )
     return _REJECTORS[name]()
+
+
+def aligner(name: str) -> Aligner:
+    """Look a metric up by name, with its own settings.
+
+    Raises
+    ------
+    InputError
+        There is none of that name.
+    """
+    if name not in _ALIGNERS:
+        raise InputError(f"aligner: unknown {name!r}, expected one of {', '.join(aligner_names())}")
+    return _ALIGNERS[name]()

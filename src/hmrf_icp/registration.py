@@ -12,9 +12,11 @@ import numpy as np
 from numpy.typing import ArrayLike
 
 from hmrf_icp import presets, se3
+from hmrf_icp.align import Aligner
 from hmrf_icp.cloud import PointCloud, as_cloud, require_registrable
+from hmrf_icp.degeneracy import FreeMotion
 from hmrf_icp.errors import RegistrationWarning
-from hmrf_icp.icp import Criteria, Iteration, Method, icp, rms
+from hmrf_icp.icp import Criteria, Iteration, Method, Outcome, icp, rms
 from hmrf_icp.reject import Rejector
 from hmrf_icp.result import RegistrationResult
 
@@ -29,6 +31,7 @@ def register(
     preset: str | Method = presets.DEFAULT,
     *,
     rejector: str | Rejector | None = None,
+    aligner: str | Aligner | None = None,
     criteria: Criteria | None = None,
     on_iteration: Callable[[Iteration], None] | None = None,
 ) -> RegistrationResult:
@@ -49,6 +52,9 @@ def register(
     rejector
         Name of another rejection rule (:func:`hmrf_icp.presets.rejector_names`),
         or one of your own, in place of the method's.
+    aligner
+        Name of another metric (:func:`hmrf_icp.presets.aligner_names`), or an
+        aligner of your own, in place of the method's.
     criteria
         When to stop, in place of the method's.
     on_iteration
@@ -76,6 +82,9 @@ def register(
     if rejector is not None:
         chosen = presets.rejector(rejector) if isinstance(rejector, str) else rejector
         method = replace(method, reject=chosen)
+    if aligner is not None:
+        metric = presets.aligner(aligner) if isinstance(aligner, str) else aligner
+        method = replace(method, align=metric)
     if criteria is not None:
         method = replace(method, criteria=criteria)
 
@@ -99,7 +108,16 @@ def register(
         inlier_rmse=rms(outcome.matches.distance[inlier]),
         seconds=time.perf_counter() - started,
         history=outcome.history,
+        information=None if outcome.last is None else outcome.last.information,
+        degenerate=free_motions(outcome),
     )
+
+
+def free_motions(outcome: Outcome) -> tuple[FreeMotion, ...]:
+    """Describe what the last step left unmoved."""
+    if outcome.last is None or outcome.last.degenerate is None:
+        return ()
+    return tuple(FreeMotion(twist) for twist in outcome.last.degenerate)
 
 
 def warn_of_units(source: PointCloud, target: PointCloud) -> None:

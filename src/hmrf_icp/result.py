@@ -7,6 +7,7 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
+from hmrf_icp.degeneracy import FreeMotion
 from hmrf_icp.icp import Iteration
 
 
@@ -35,6 +36,17 @@ class RegistrationResult:
         Wall-clock time of the registration.
     history
         One :class:`hmrf_icp.Iteration` an iteration.
+    information
+        (6, 6) float64, the inverse covariance of the error of ``transformation``
+        as a twist, rotation (rad) first, then translation (m): the true motion is
+        ``se3.exp(twist) @ transformation``, the twist in the target's frame and
+        about its origin. Zero along what is free. None where the metric does not
+        know the noise (point-to-point) or nothing was moved.
+    degenerate
+        One :class:`hmrf_icp.FreeMotion` for each direction in which the matched surfaces
+        slide on each other, such as the three of a bare wall: the motion along
+        it is that of ``init``. Empty where there is none, and where the metric
+        does not look (point-to-point).
     """
 
     transformation: NDArray[np.float64]
@@ -47,10 +59,13 @@ class RegistrationResult:
     inlier_rmse: float
     seconds: float
     history: tuple[Iteration, ...]
+    information: NDArray[np.float64] | None = None
+    degenerate: tuple[FreeMotion, ...] = ()
 
     def __repr__(self) -> str:
         state = "converged" if self.converged else "did not converge"
+        free = f", free: {'; '.join(map(str, self.degenerate))}" if self.degenerate else ""
         return (
             f"RegistrationResult({state} after {self.iterations} iterations, "
-            f"overlap {self.overlap:.3f}, inlier_rmse {self.inlier_rmse:.4g} m)"
+            f"overlap {self.overlap:.3f}, inlier_rmse {self.inlier_rmse:.4g} m{free})"
         )

@@ -150,6 +150,34 @@ def exp(twist: ArrayLike) -> Array:
     return rigid(rotation_exp(omega), left @ v)
 
 
+def log(pose: Array) -> Array:
+    """Twist (6,), rotation first, whose exponential is ``pose``; the angle is in [0, pi]."""
+    rotation = pose[:3, :3]
+    angle = rotation_angle(pose)
+    sine = 0.5 * np.array(
+        [
+            rotation[2, 1] - rotation[1, 2],
+            rotation[0, 2] - rotation[2, 0],
+            rotation[1, 0] - rotation[0, 1],
+        ]
+    )
+    if angle < 1e-6:
+        omega, bend = sine, 1.0 / 12.0
+    else:
+        if angle < 3.0:
+            omega = sine * (angle / np.sin(angle))
+        else:
+            # Near half a turn the sine says little; the symmetric part has the axis in each row.
+            symmetric = 0.5 * (rotation + rotation.T) - np.cos(angle) * np.eye(3)
+            axis = symmetric[np.argmax(np.diag(symmetric))]
+            axis = axis / np.linalg.norm(axis)
+            omega = angle * (axis if axis @ sine >= 0.0 else -axis)
+        bend = (1.0 - 0.5 * angle / np.tan(0.5 * angle)) / angle**2
+    k = skew(omega)
+    inverse_left = np.eye(3) - 0.5 * k + bend * k @ k
+    return np.concatenate([omega, inverse_left @ pose[:3, 3]])
+
+
 def rotation_about(axis: ArrayLike, angle: float, centre: ArrayLike) -> Array:
     """Rotation by ``angle`` radians about ``axis`` through the point ``centre``."""
     axis = np.asarray(axis, dtype=np.float64)

@@ -1,0 +1,154 @@
+"""Degenerate directions: motions that slide the matched surfaces along themselves.
+
+A bare wall may be shifted along itself and turned about its normal, and every
+point still lies on it. Registration there must leave the pose as it was and say
+so, instead of following the noise (Zhang, Kaess and Singh 2016 call this solution
+remapping).
+
+How large an eigenvalue of the information must be before it is believed is
+usually a number tuned to a sensor. Here the data decide. Both clouds measured
+the normal of each match; call m half the sum of the two measurements and d half
+their difference. What is true of the surface is in m alone; noise is in both, and
+equally much. So where the information gathered from m along a direction is no
+more than what the same sum gathers from d, all of it may be noise. The ratio has
+no unit: neither the scale of the scene, the number of points nor the size of
+the noise enters.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from functools import cached_property
+from typing import NamedTuple
+
+import numpy as np
+from numpy.typing import NDArray
+
+from hmrf_icp import se3
+
+Array = NDArray[np.float64]
+
+SIGNAL = 2.0
+"""Times the information of noise alone that a direction must have: as much truth as noise."""
+
+FLAT = 1e-6
+"""Share of the largest information below which a direction is free though nothing is noisy.
+
+The square of an angle: what bends by less than a thousandth of a radian is a plane.
+"""
+
+TRANSLATION = 0.2
+"""A twist whose rotation is a smaller share of it than this is called a translation.
+
+Its axis, if it has one, is five sizes of the scene away.
+"""
+
+
+class Split(NamedTuple):
+    """Motions (6, k) that the matches leave free, and those (6, 6 - k) that they determine.
+
+    Together the columns are an orthonormal basis.
+    """
+
+    free: Array
+    bound: Array
+
+
+def split(information: Array, noise: Array) -> Split:
+    """Tell apart the motions that are determined from those that only noise speaks for.
+
+    Parameters
+    ----------
+    information
+        (6, 6) gathered from the sums of normals, in coordinates in which a unit
+        of rotation and one of translation move the points about equally far.
+    noise
+        (6, 6) gathered in the same way from their differences.
+    """
+    largest = float(np.linalg.eigvalsh(information)[-1])
+    if not largest > 0.0:
+        return Split(np.eye(6), np.zeros((6, 0)))
+    # Directions v with v'Av < v'Bv, A v = lambda B v: through B = LL', a symmetric problem.
+    root = np.linalg.cholesky(SIGNAL * noise + FLAT * largest * np.eye(6))
+    half = np.linalg.solve(root, information)
+    ratio, directions = np.linalg.eigh(np.linalg.solve(root, half.T))
+    count = int(np.count_nonzero(ratio < 1.0))
+    if count == 0:
+        return Split(np.zeros((6, 0)), np.eye(6))
+    free = np.linalg.solve(root.T, directions[:, :count])
+    basis, _ = np.linalg.qr(np.hstack([free, np.eye(6)]))
+    return Split(basis[:, :count], basis[:, count:])
+
+
+def unit_twists(free: Array, length: float, centre: Array) -> Array:
+    """Twists (k, 6) about the origin that span the free motions, rotations first.
+
+    Parameters
+    ----------
+    free
+        (6, k) orthonormal, rotation times ``length`` first, about ``centre``.
+    length
+        Metres a radian, by which rotation was made comparable to translation.
+    centre
+        (3,) in the frame that the twists are wanted in, metres.
+    """
+    # Turned within their span so that as many as can be are free of rotation.
+    _, _, vt = np.linalg.svd(free[:3])
+    twists: Array = (free @ vt.T).T
+    for twist in twists:
+        turns = np.linalg.norm(twist[:3]) >= TRANSLATION
+        twist[:3] /= length
+        twist /= np.linalg.norm(twist[:3] if turns else twist[3:])
+        twist[3:] -= np.cross(twist[:3], centre)
+    return np.asarray(twists)
+
+
+@dataclass(frozen=True, eq=False)
+class FreeMotion:
+    """A motion that a registration could not determine and has left alone.
+
+    Parameters
+    ----------
+    twist
+        (6,) in the target's frame about its origin, rotation (rad) then
+        translation (m): ``se3.exp(x * twist) @ transformation`` fits as well
+        for any small x. The rotation has length 1, or the translation has.
+    """
+
+    twist: Array
+
+    @property
+    def rotation(self) -> bool:
+        """Whether it turns; a screw turns too."""
+        # By the length that unit_twists gave it: a translation may turn by a trace.
+        return bool(abs(np.linalg.norm(self.twist[:3]) - 1.0) < 1e-9)
+
+    @cached_property
+    def direction(self) -> Array:
+        """(3,) unit vector of the axis it turns about, or of the way it goes."""
+        vector = self.twist[:3] if self.rotation else self.twist[3:]
+        return np.asarray(vector / np.linalg.norm(vector))
+
+    @property
+    def point(self) -> Array | None:
+        """(3,) the point of its axis nearest to the target's origin, metres; None of a shift."""
+        return np.cross(self.direction, self.twist[3:]) if self.rotation else None
+
+    def __str__(self) -> str:
+        if self.point is None:
+            return f"translation along {_vector(self.direction)}"
+        text = f"rotation about {_vector(self.direction)} through {_vector(self.point)} m"
+        pitch = float(self.direction @ self.twist[3:])
+        away = float(np.linalg.norm(self.twist[3:]))
+        return text if abs(pitch) < 0.05 * away else f"{text}, rising {pitch:.2g} m a radian"
+
+
+def _vector(v: Array) -> str:
+    return "(" + ", ".join(f"{x:.2f}" for x in v + 0.0) + ")"
+
+
+def about_origin(information: Array, centre: Array) -> Array:
+    """Express information (6, 6) on twists about ``centre`` as that on twists about the origin."""
+    change = np.eye(6)
+    change[3:, :3] = -se3.skew(centre)
+    return np.asarray(change.T @ information @ change)

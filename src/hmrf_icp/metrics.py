@@ -1,0 +1,293 @@
+"""Align by what the surfaces look like round the points: three metrics.
+
+All of them are least squares over matches x, y with weights P(Z = +1) over the
+noise variance of both points, so that near measurements count for more than far
+ones. They differ in what they measure between x and y. Each is solved by Gauss and
+Newton's method on SE(3), in a frame about the centre of the matched points, and
+moves nothing along directions that the matches leave free
+(:mod:`hmrf_icp.degeneracy`).
+
+A match is left out where either point has no normal, and where the normals say
+that one side was seen and then the other (both clouds know where they were
+seen from): no surface is seen from behind.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from typing import Literal, NamedTuple
+
+import numpy as np
+from numpy.typing import NDArray
+
+from hmrf_icp import se3
+from hmrf_icp.align import Align, Step, best_motion
+from hmrf_icp.cloud import PointCloud
+from hmrf_icp.degeneracy import about_origin, split, unit_twists
+from hmrf_icp.errors import InputError
+from hmrf_icp.match import Matches
+from hmrf_icp.reject import Labels
+from hmrf_icp.surface import Surface, surface_of
+
+Array = NDArray[np.float64]
+
+UNKNOWNS = 6
+
+INNER_STEPS = 10
+"""Most Gauss-Newton steps a match; two or three are usual."""
+
+SMALL = 1e-5
+"""A Gauss-Newton step (rad, and share of the size of the scene) after which the next is not worth
+it: convergence is quadratic."""
+
+LEAST_NOISE = 1e-9
+"""Noise of a point at the least, as a share of the size of the scene: an exact cloud has none."""
+
+
+class Matched(NamedTuple):
+    """Matches as the passes want them; (M, 3) and (M,), rows of source points.
+
+    Attributes
+    ----------
+    points, normals
+        Of the source, moved to where it is now.
+    onto, onto_normals
+        All of the target's, in which
+    row
+        says which is matched.
+    weight
+        Chance over variance, what a residual along the normal counts for.
+    variance, onto_variance
+        Noise variance of the source point, and of the matched target point as
+        often as it is matched, square metres.
+    chance
+        P(Z = +1) of the match, or 0 or 1 for hard weights; 0 where it is left out.
+    """
+
+    points: Array
+    normals: Array
+    onto: Array
+    onto_normals: Array
+    row: NDArray[np.intp]
+    weight: Array
+    variance: Array
+    onto_variance: Array
+    chance: Array
+
+
+@dataclass(frozen=True)
+class SurfaceMetric:
+    """What the three metrics share.
+
+    Parameters
+    ----------
+    weights
+        ``"soft"``, matches count by P(Z = +1); ``"hard"``, those with z > 0
+        count fully and no others.
+
+    Raises
+    ------
+    InputError
+        Weights of another kind.
+    """
+
+    weights: Literal["soft", "hard"] = "soft"
+
+    def __post_init__(self) -> None:
+        """Refuse what is not a kind of weights."""
+        if self.weights not in ("soft", "hard"):
+            raise InputError(f'weights: expected "soft" or "hard", got {self.weights!r}')
+
+    def prepare(self, source: PointCloud, target: PointCloud) -> Align:
+        """Estimate the surfaces of both clouds."""
+        return self.between(surface_of(source), surface_of(target))
+
+    def between(self, source: Surface, target: Surface) -> Align:
+        """Align surfaces that are known already."""
+        pairing = Pairing(source, target)
+
+        def align(moved: Array, matches: Matches, labels: Labels) -> Step | None:
+            chance = labels.probability if self.weights == "soft" else labels.inlier.astype(float)
+            return self._step(pairing.matched(moved, matches.index, chance))
+
+        return align
+
+    def sums(self, m: Matched, pose: Array, centre: Array) -> Array:
+        """Sum the normal equations at ``pose``, laid out as in the kernels."""
+        raise NotImplementedError
+
+    def _step(self, m: Matched) -> Step | None:
+        from hmrf_icp.kernels import metrics as kernels
+
+        if np.count_nonzero(m.weight) < UNKNOWNS:
+            return None
+        centre, length = extent(m.points, m.weight)
+        if not length > 0.0:
+            return None
+        # Rotation in units of the scene: both halves of a twist move the points about equally far.
+        units = np.array([1 / length] * 3 + [1.0] * 3)
+        both = np.outer(units, units)
+        truth, noise = kernels.geometry(*m[:6], centre)
+        information = matrix(truth) * both
+        free, bound = split(information, matrix(noise) * both)
+        if bound.shape[1] == 0:
+            return None
+
+        motion = np.eye(4)
+        for _ in range(INNER_STEPS):
+            found = self.sums(m, motion, centre)
+            hessian = bound.T @ (matrix(found) * both) @ bound
+            gradient = bound.T @ (found[kernels.GRADIENT : kernels.COST] * units)
+            step = bound @ np.linalg.solve(hessian, -gradient)
+            # Two motions of a subspace may lead out of it together: what they share is kept.
+            whole = se3.log(se3.exp(step * units) @ motion) / units
+            motion = se3.exp(bound @ (bound.T @ whole) * units)
+            if np.linalg.norm(step) < SMALL * length:
+                break
+
+        known = bound @ (bound.T @ information @ bound) @ bound.T / both
+        return Step(
+            se3.rigid(np.eye(3), centre) @ motion @ se3.rigid(np.eye(3), -centre),
+            about_origin(known, centre) / excess(truth[kernels.COST], m.chance),
+            unit_twists(free, length, centre),
+        )
+
+
+@dataclass(frozen=True)
+class PointToPlane(SurfaceMetric):
+    """Distance along the target's normal (Chen and Medioni 1992)."""
+
+    def sums(self, m: Matched, pose: Array, centre: Array) -> Array:
+        """Sum over n . (x - y)."""
+        from hmrf_icp.kernels import metrics as kernels
+
+        found: Array = kernels.point_to_plane(*m[:6], pose, centre)
+        return found
+
+
+@dataclass(frozen=True)
+class Symmetric(SurfaceMetric):
+    """Distance along the mean of both normals (Rusinkiewicz 2019).
+
+    It vanishes on any surface of constant curvature, where point-to-plane does on planes.
+    """
+
+    def sums(self, m: Matched, pose: Array, centre: Array) -> Array:
+        """Sum over m . (x - y), m the mean of both normals."""
+        from hmrf_icp.kernels import metrics as kernels
+
+        found: Array = kernels.symmetric(*m[:6], pose, centre)
+        return found
+
+
+@dataclass(frozen=True)
+class PlaneToPlane(SurfaceMetric):
+    """Distance between two little planes, generalised ICP (Segal, Haehnel and Thrun 2009).
+
+    C = R C_s R' + C_t, each covariance the noise of the point along its normal,
+    and much wider across it. Matches whose normals disagree count for little.
+
+    Parameters
+    ----------
+    flatness
+        Variance along the normal over that across it; theirs is 1e-3.
+    """
+
+    flatness: float = 1e-3
+
+    def __post_init__(self) -> None:
+        """Refuse a flatness that is none."""
+        super().__post_init__()
+        if not 0.0 < self.flatness <= 1.0:
+            raise InputError(f"flatness: expected a number in (0, 1], got {self.flatness}")
+
+    def sums(self, m: Matched, pose: Array, centre: Array) -> Array:
+        """Sum over (x - y)' C^-1 (x - y)."""
+        from hmrf_icp.kernels import metrics as kernels
+
+        found: Array = kernels.plane_to_plane(
+            *m[:5], m.chance, pose, centre, m.variance, m.onto_variance, self.flatness
+        )
+        return found
+
+
+class Pairing:
+    """Matches between two surfaces, weighed anew whenever the source has moved.
+
+    A target point that k source points are matched to is one measurement and not
+    k: its variance counts k times in each of them, so that together they weigh
+    what they should. A target sampled more coarsely than the source needs this,
+    and so does a border that all points beyond it are matched to.
+    """
+
+    def __init__(self, source: Surface, target: Surface) -> None:
+        self._source, self._target = source, target
+        self._corners = corners(source.points)
+        self._oriented = source.oriented and target.oriented
+        self._least = (LEAST_NOISE * source.size) ** 2
+
+    def matched(self, moved: Array, row: NDArray[np.intp], chance: Array) -> Matched:
+        """Weigh the matches of the source moved to (M, 3) with rows of the target.
+
+        ``chance`` (M,) is what each counts for, apart from its noise.
+        """
+        from hmrf_icp.kernels import metrics as kernels
+
+        source, target = self._source, self._target
+        # Three points know how all of them were turned: it is a rigid motion that moved them.
+        turn = best_motion(source.points[self._corners], moved[self._corners])[:3, :3]
+        normals, weight, variance, onto_variance, used = kernels.weigh(
+            source.normals,
+            source.noise,
+            target.normals,
+            target.noise,
+            row,
+            chance,
+            turn,
+            self._oriented,
+            self._least,
+        )
+        return Matched(
+            moved,
+            normals,
+            target.points,
+            target.normals,
+            row,
+            weight,
+            variance,
+            onto_variance,
+            used,
+        )
+
+
+def corners(points: Array) -> NDArray[np.intp]:
+    """Rows (3,) of points that lie far apart, and not on a line if they do not all."""
+    first = np.argmax(((points - points.mean(axis=0)) ** 2).sum(axis=1))
+    reach = points - points[first]
+    second = np.argmax((reach**2).sum(axis=1))
+    third = np.argmax((np.cross(reach, reach[second]) ** 2).sum(axis=1))
+    return np.array([first, second, third])
+
+
+def extent(points: Array, weight: Array) -> tuple[Array, float]:
+    """Weighted mean of points (M, 3), and their root mean square distance from it, metres."""
+    total = weight.sum()
+    centre = weight @ points / total
+    square = weight @ np.einsum("ij,ij->i", points - centre, points - centre) / total
+    return np.asarray(centre), float(np.sqrt(square))
+
+
+def matrix(sums: Array) -> Array:
+    """Unpack the (6, 6) matrix of a pass."""
+    full = np.zeros((UNKNOWNS, UNKNOWNS))
+    full[np.triu_indices(UNKNOWNS)] = sums[: UNKNOWNS * (UNKNOWNS + 1) // 2]
+    return np.asarray(full + np.triu(full, 1).T)
+
+
+def excess(cost: float, chance: Array) -> float:
+    """How many times the expected squares the residuals have; 1 at the least.
+
+    Noise is estimated from each cloud alone. Where both together fit worse than
+    it says (bent lenses, what moved, wrong matches), that is the noise of the pose.
+    """
+    return max(1.0, cost / max(float(chance.sum()) - UNKNOWNS, 1.0))
