@@ -5,7 +5,7 @@ from __future__ import annotations
 import csv
 import json
 import math
-from collections.abc import Iterable, Mapping
+from collections.abc import Iterable, Mapping, Sequence
 from pathlib import Path
 from typing import Any
 
@@ -95,17 +95,26 @@ def write_folder(
     return folder
 
 
-def invented(pairs: int = 40, axes: int = 4, seed: int = 0) -> list[dict[str, Any]]:
+STARTS = ((math.pi / 30, 0.0), (math.pi / 10, 0.0), (math.pi / 6, 0.3))
+
+
+def invented(
+    pairs: int = 40,
+    axes: int = 4,
+    starts: Sequence[tuple[float, float]] = STARTS,
+    methods: Iterable[str] = tuple(SKILLS),
+    seed: int = 0,
+) -> list[dict[str, Any]]:
     """Make up a whole evaluation whose recalls fall with overlap and start as real ones do."""
     rng = np.random.default_rng(seed)
-    starts = ((math.pi / 30, 0.0), (math.pi / 10, 0.0), (math.pi / 6, 0.3))
+    skills = {name: SKILLS[name] for name in methods}
     rows = []
     for number in range(pairs):
         overlap = 0.03 + 0.97 * (number + rng.random()) / pairs
         for angle, shift in starts:
             for axis in range(axes):
                 luck = rng.logistic()
-                for method, (half, cost, seconds) in SKILLS.items():
+                for method, (half, cost, seconds) in skills.items():
                     margin = (overlap - half - cost * (angle + shift)) / 0.08
                     solved = margin + 0.7 * luck + 0.4 * rng.logistic() > 0
                     error = rng.lognormal(-5.5 if solved else -1.3, 0.5)
@@ -143,6 +152,7 @@ CONFIG = {
     "methods": ["hmrf", "all", "percent", "sigma", "x84", "dynamic", "field-gicp"],
     "peers": ["gicp", "o3d-plane", "o3d-tukey", "fricp", "kiss-gicp"],
     "seed": 0,
+    "subsample": 4,
     "axes": 4,
     "versions": {"hmrf-icp": "0.1.0", "numpy": "2.0.0"},
     "machine": {"processor": "an abacus", "cores": 2},

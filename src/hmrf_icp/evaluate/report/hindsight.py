@@ -74,6 +74,6 @@ def hindsights(roster: Roster) -> tuple[Hindsight, ...]:
         return (Hindsight("all peers", roster.peers),)
     others = sorted({family_label(peer.family) for peer in roster.peers if not peer.needs_start})
     return (
-        Hindsight("peers that use the start", local),
-        Hindsight(f"with {', '.join(others)} too", roster.peers),
+        Hindsight("the peers that use the start", local),
+        Hindsight(f"all peers, with {', '.join(others)}", roster.peers),
     )

@@ -98,12 +98,18 @@ def environment() -> jinja2.Environment:
     )
     made.filters["data_uri"] = _data_uri
     made.filters["classes"] = _classes
+    made.filters["unbroken"] = _unbroken
     made.tests["table"] = lambda item: isinstance(item, Table)
     return made
 
 
 def _data_uri(content: bytes, kind: str) -> str:
     return f"data:image/{kind};base64,{base64.b64encode(content).decode('ascii')}"
+
+
+def _unbroken(text: str) -> str:
+    """Keep the two ends of an interval on one line."""
+    return text.replace("–", "\N{WORD JOINER}–\N{WORD JOINER}")
 
 
 def _classes(cell: Cell) -> str:

@@ -14,7 +14,8 @@ from hmrf_icp.evaluate.report.statistics import DECILES, Share, decile_label
 from hmrf_icp.evaluate.report.study import Study
 from hmrf_icp.evaluate.report.tables import NOTHING, Cell, Group, Row, Table
 
-HINDSIGHT_HEADING = "Peers in hindsight"
+BEST_SINGLE = "best single peer setting"
+ORACLE = "oracle"
 MIXED = "all starts"
 
 
@@ -110,12 +111,11 @@ def _groups(
             for method in band.methods
         ]
         groups.append(Group(band.heading, rows))
-    rows = _hindsight_rows(study, parts, detailed)
-    return [*groups, Group(HINDSIGHT_HEADING, rows)] if rows else groups
+    return groups + _hindsight_groups(study, parts, detailed)
 
 
-def _hindsight_rows(study: Study, parts: Sequence[Slice], detailed: bool) -> list[Row]:
-    rows = []
+def _hindsight_groups(study: Study, parts: Sequence[Slice], detailed: bool) -> list[Group]:
+    groups = []
     for hindsight in study.hindsights:
         best_cells, oracle_cells = [], []
         oracle = hindsight.oracle(study.runs, study.success)
@@ -126,9 +126,9 @@ def _hindsight_rows(study: Study, parts: Sequence[Slice], detailed: bool) -> lis
             name = f"{chosen.label}; " if detailed or part.decile is None else ""
             best_cells.append(share_cell(recall(study, chosen, part), detailed, before=name))
             oracle_cells.append(share_cell(oracle.share(part.of(oracle.problems)), detailed))
-        rows.append(Row(f"best single peer setting ({hindsight.label})", best_cells))
-        rows.append(Row(f"oracle ({hindsight.label})", oracle_cells))
-    return rows
+        rows = [Row(BEST_SINGLE, best_cells), Row(ORACLE, oracle_cells)]
+        groups.append(Group(f"In hindsight, of {hindsight.label}", rows))
+    return groups
 
 
 def _notes(study: Study) -> list[str]:

@@ -23,12 +23,12 @@ def summary(study: Study) -> list[str]:
 def _extent(study: Study) -> str:
     runs = study.runs
     pairs = len(set(runs["pair"].tolist()))
-    low, high = float(runs["overlap"].min()), float(runs["overlap"].max())
+    low, high = (overlap_words(float(end(runs["overlap"]))) for end in (min, max))
     starts = ", ".join(start.label for start in study.starts)
     return (
         f"{_count(len(runs), 'run')} of {_count(len(runs.methods), 'method')} on "
-        f"{_count(pairs, 'pair')} of {study.dataset}, overlap {overlap_words(low)} to {overlap_words(high)}, started "
-        f"{starts} from the true pose. A run is solved when it ends within {study.success}."
+        f"{_count(pairs, 'pair')} of {study.dataset}, overlap {low} to {high}, started {starts} "
+        f"from the true pose. A run is solved when it ends within {study.success}."
     )
 
 
