@@ -4,7 +4,9 @@ from __future__ import annotations
 
 import csv
 import math
-from collections.abc import Callable, Mapping, Sequence
+import sys
+from array import array
+from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass
 from fractions import Fraction
 from functools import cached_property
@@ -132,8 +134,14 @@ class Runs:
 
     def of(self, method: str) -> Mask:
         """Mask the runs of one method."""
-        mask: Mask = self["method"] == method
-        return mask
+        if method not in self._of:
+            self._of[method] = self["method"] == method
+        return self._of[method]
+
+    @cached_property
+    def _of(self) -> dict[str, Mask]:
+        """Masks by method: every table and figure asks for all of them."""
+        return {}
 
     def solved(self, success: Success) -> Mask:
         """Mask the runs that ended within both thresholds; a run without a pose did not."""
@@ -182,68 +190,73 @@ def read_results(path: Path) -> Runs:
             f"{path}: no such file; expected the results.csv that `hmrf-icp evaluate` writes "
             "(give the folder that was its --output)"
         )
-    content = path.read_text(encoding="utf-8")
-    lines = content.splitlines()
-    if lines and not content.endswith("\n"):
-        lines.pop()
-    if not lines:
-        raise InputError(f"{path}: empty; run `hmrf-icp evaluate` again")
-    reader = csv.reader(lines)
-    header = [name.strip() for name in next(reader)]
-    missing = [name for name in REQUIRED if name not in header]
-    if missing:
-        raise InputError(
-            f"{path}: no column {', '.join(missing)}; expected at least {', '.join(REQUIRED)}, "
-            f"found {', '.join(header)}"
-        )
-    rows: list[list[str]] = []
-    line_numbers: list[int] = []
-    for row in reader:
+    with path.open(encoding="utf-8", newline="") as stream:
+        reader = csv.reader(line for line in stream if line.endswith("\n"))
+        header = [name.strip() for name in next(reader, [])]
+        if not header:
+            raise InputError(f"{path}: empty; run `hmrf-icp evaluate` again")
+        missing = [name for name in REQUIRED if name not in header]
+        if missing:
+            raise InputError(
+                f"{path}: no column {', '.join(missing)}; expected at least "
+                f"{', '.join(REQUIRED)}, found {', '.join(header)}"
+            )
+        return _columns(path, header, reader)
+
+
+def _columns(path: Path, header: Sequence[str], rows: Iterator[list[str]]) -> Runs:
+    """Sort the cells into columns as they are read: a row at a time is in memory as text."""
+    place = {name: index for index, name in enumerate(header)}
+    text: dict[str, list[str]] = {name: [] for name in TEXT if name in place}
+    numbers = {name: array("d") for name in NUMBERS if name in place}
+    lines = array("q")
+    for line, row in enumerate(rows, 2):
         if not row:
             continue
         if len(row) != len(header):
             raise InputError(
-                f"{path}, line {reader.line_num}: {len(row)} values, the header has {len(header)}"
+                f"{path}, line {line}: {len(row)} values, the header has {len(header)}"
             )
-        rows.append(row)
-        line_numbers.append(reader.line_num)
-    if not rows:
-        raise InputError(f"{path}: a header and no runs; run `hmrf-icp evaluate` again")
-    return _columns(path, header, rows, line_numbers)
-
-
-def _columns(
-    path: Path, header: Sequence[str], rows: Sequence[Sequence[str]], lines: Sequence[int]
-) -> Runs:
-    place = {name: index for index, name in enumerate(header)}
-
-    def column(name: str, read: Callable[[str], Any], default: Any) -> list[Any]:
-        if name not in place:
-            return [default] * len(rows)
-        index = place[name]
-        values = []
-        for line, row in zip(lines, rows, strict=True):
+        lines.append(line)
+        for name, words in text.items():
+            words.append(sys.intern(row[place[name]].strip()))
+        for name, values in numbers.items():
+            word = row[place[name]]
             try:
-                values.append(read(row[index]))
+                values.append(_number(word))
             except ValueError:
                 raise InputError(
-                    f"{path}, line {line}: {name} is {row[index]!r}, expected a number"
+                    f"{path}, line {line}: {name} is {word!r}, expected a number"
                 ) from None
-        return values
+    if not lines:
+        raise InputError(f"{path}: a header and no runs; run `hmrf-icp evaluate` again")
+    return _checked(path, text, numbers, np.array(lines, dtype=np.intp))
 
-    text = {name: np.array(column(name, str.strip, ""), dtype=np.str_) for name in TEXT}
+
+def _checked(
+    path: Path,
+    text: Mapping[str, Sequence[str]],
+    numbers: Mapping[str, Sequence[float]],
+    lines: NDArray[np.intp],
+) -> Runs:
+    """Fill in the columns that the file has not got, and refuse rows that say too little."""
+    words = {
+        name: np.array(text[name]) if name in text else np.full(lines.size, "") for name in TEXT
+    }
     absent = {"translation": 0.0}
-    numbers = {
-        name: np.array(column(name, _number, absent.get(name, math.nan)), dtype=np.float64)
+    values = {
+        name: np.array(numbers[name], dtype=np.float64)
+        if name in numbers
+        else np.full(lines.size, absent.get(name, math.nan))
         for name in NUMBERS
     }
     for name in ("overlap", "angle", "translation"):
-        bad = np.flatnonzero(~np.isfinite(numbers[name]))
+        bad = np.flatnonzero(~np.isfinite(values[name]))
         if bad.size:
             raise InputError(f"{path}, line {lines[bad[0]]}: no {name}")
-    if not any(text["pair"]):
-        text["pair"] = np.char.add(np.char.add(text["target"], "-"), text["source"])
-    return Runs(text, numbers, np.array(lines, dtype=np.intp))
+    if not words["pair"].any():
+        words["pair"] = np.char.add(np.char.add(words["target"], "-"), words["source"])
+    return Runs(words, values, lines)
 
 
 def _number(word: str) -> float:
