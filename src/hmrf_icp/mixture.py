@@ -186,7 +186,6 @@ def compare(
     few = y
     if y.size > summary:
         few = np.quantile(y, (np.arange(summary) + 0.5) / summary)
-        few[-1] = y.max()
     found: list[tuple[bool, float, Mixture]] = []
     seconds = names() if outliers is None else tuple(outliers)
     for first in names() if inliers is None else inliers:
