@@ -8,6 +8,7 @@ from hmrf_icp.align import Aligner, PointToPoint
 from hmrf_icp.errors import InputError
 from hmrf_icp.field import HiddenMarkovRandomField
 from hmrf_icp.icp import Criteria, Method
+from hmrf_icp.markov_field import MarkovField
 from hmrf_icp.match import NearestNeighbour
 from hmrf_icp.metrics import PlaneToPlane, PointToPlane, Symmetric
 from hmrf_icp.reject import X84, Dynamic, KeepAll, KeepPercent, KeepSigma, Rejector
@@ -26,6 +27,7 @@ _REJECTORS: dict[str, Callable[[], Rejector]] = {
     "sigma": KeepSigma,
     "x84": X84,
     "dynamic": Dynamic,
+    "field": MarkovField,
 }
 
 _ALIGNERS: dict[str, Callable[[], Aligner]] = {
@@ -65,7 +67,7 @@ def preset(name: str) -> Method:
 
 
 def rejector(name: str) -> Rejector:
-    """Look a rejector up by name, with the paper's settings.
+    """Look a rejector up by name, with the paper's settings (``"field"`` has its own).
 
     Raises
     ------
