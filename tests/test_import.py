@@ -5,7 +5,7 @@ from __future__ import annotations
 import subprocess
 import sys
 
-HEAVY = ("numba", "scipy", "matplotlib", "PIL", "plyfile", "pykdtree", "rich", "typer", "joblib")
+HEAVY = ("numba", "scipy", "matplotlib", "PIL", "pykdtree", "rich", "typer", "joblib")
 
 
 def test_import_leaves_heavy_libraries_alone():

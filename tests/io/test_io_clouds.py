@@ -7,7 +7,6 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 from hypothesis.extra import numpy as hnp
-from plyfile import PlyData, PlyElement
 
 from hmrf_icp import InputError, PinholeCamera, PointCloud
 from hmrf_icp.io import WRITABLE, read_cloud, write_cloud
@@ -69,64 +68,6 @@ def test_single_precision_of_pcd_is_left_where_it_would_move_points(tmp_path):
     northings = POINTS + np.array([500_000.0, 5_300_000.0, 400.0])
     write_cloud(tmp_path / "c.pcd", PointCloud(northings))
     np.testing.assert_array_equal(read_cloud(tmp_path / "c.pcd").points, northings)
-
-
-# ---- PLY -------------------------------------------------------------------------------------
-
-
-@pytest.mark.parametrize("text", [True, False])
-@pytest.mark.parametrize("order", ["<", ">"])
-@pytest.mark.parametrize("kind", ["f4", "f8", "i2"])
-def test_ply_of_either_byte_order_and_of_other_properties(tmp_path, text, order, kind):
-    points = np.round(POINTS) if kind == "i2" else POINTS
-    vertices = np.zeros(4, [("red", "u1"), ("z", kind), ("x", kind), ("nx", "f4"), ("y", kind)])
-    for axis, name in enumerate("xyz"):
-        vertices[name] = points[:, axis]
-    faces = np.array([([0, 1, 2],)], dtype=[("vertex_indices", "i4", (3,))])
-    elements = [PlyElement.describe(vertices, "vertex"), PlyElement.describe(faces, "face")]
-    PlyData(elements, text=text, byte_order=order).write(tmp_path / "c.ply")
-    np.testing.assert_allclose(read_cloud(tmp_path / "c.ply").points, points, rtol=1e-6)
-
-
-def test_ply_range_grid_comes_out_organised(tmp_path):
-    (tmp_path / "scan.ply").write_text(
-        "ply\nformat ascii 1.0\nobj_info num_cols 3\nobj_info num_rows 2\n"
-        "element vertex 2\nproperty float x\nproperty float y\nproperty float z\n"
-        "element range_grid 6\nproperty list uchar int vertex_indices\nend_header\n"
-        "1 2 3\n4 5 6\n0\n1 1\n0\n0\n0\n1 0\n"
-    )
-    cloud = read_cloud(tmp_path / "scan.ply")
-    assert cloud.shape == (2, 3)
-    np.testing.assert_array_equal(cloud.points[0, 1], [4, 5, 6])
-    np.testing.assert_array_equal(cloud.points[1, 2], [1, 2, 3])
-    assert len(cloud) == 2
-
-
-PLY_HEADER = "ply\nformat {}\nelement vertex 4\n{}end_header\n"
-XYZ = "property float x\nproperty float y\nproperty float z\n"
-
-
-@pytest.mark.parametrize(
-    ("content", "message"),
-    [
-        (PLY_HEADER.format("ascii 1.0", XYZ) + "1 2 3\n4 5 6\n", "promises 4 .*holds 2"),
-        (PLY_HEADER.format("binary_little_endian 1.0", XYZ) + "x" * 40, "promises 4 .*holds 3"),
-        (PLY_HEADER.format("ascii 1.0", XYZ) + "1 2\n" * 4, "cannot be read as a PLY"),
-        (PLY_HEADER.format("ascii 1.0", XYZ) + "1 2 a\n" * 4, "cannot be read as a PLY"),
-        (PLY_HEADER.format("ascii 1.0", "property float x\n") + "1\n" * 4, "x, y and z, found x"),
-        ("ply\nformat ascii 1.0\nend_header\n", "no element 'vertex'"),
-        ("ply\nformat ascii 1.0\nelement ver", "cannot be read as a PLY"),
-        ("solid teapot\n", "cannot be read as a PLY"),
-        (
-            PLY_HEADER.replace("4", "999999999999999").format("ascii 1.0", XYZ) + "1 2 3\n",
-            "promises|cannot be read",
-        ),
-    ],
-)
-def test_bad_ply(tmp_path, content, message):
-    (tmp_path / "c.ply").write_text(content)
-    with pytest.raises(InputError, match=rf"c\.ply: .*{message}"):
-        read_cloud(tmp_path / "c.ply")
 
 
 # ---- PCD -------------------------------------------------------------------------------------

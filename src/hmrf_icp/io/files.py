@@ -41,8 +41,8 @@ def existing_file(path: str | os.PathLike[str]) -> Path:
 def reading(path: Path, what: str) -> Iterator[None]:
     """Turn whatever reading ``path`` raises into an InputError that names it.
 
-    Whatever: on damaged files NumPy, Pillow and plyfile raise a dozen kinds,
-    among them errors of the tokenizer, of struct, of zlib, and SyntaxError.
+    Whatever: on damaged files NumPy and Pillow raise a dozen kinds, among them
+    errors of the tokenizer, of struct, of zlib, and SyntaxError.
     The original stays attached as the cause.
 
     Parameters

@@ -1,20 +1,30 @@
-"""PLY, ASCII and binary, through plyfile."""
+"""PLY, ASCII and binary.
+
+Read and written here: the package for them, plyfile, is under the GPL (version
+3 or later), which every program that depends on this library would have to
+take over. `ply_header` and `ply_body` read the format; here its vertices become a cloud.
+"""
 
 from __future__ import annotations
 
 from pathlib import Path
-from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
 
 from hmrf_icp.cloud import PointCloud
 from hmrf_icp.errors import InputError
-from hmrf_icp.io.files import quietly, reading
+from hmrf_icp.io.files import reading
+from hmrf_icp.io.ply_body import Column, read_columns
+from hmrf_icp.io.ply_header import Header, parse_header
+
+_AXES = ("x", "y", "z")
+_CELLS = "vertex_indices"
+_WANTED = {"vertex": _AXES, "range_grid": (_CELLS,)}
 
 
 def read_ply(path: Path) -> PointCloud:
-    """Read x, y and z of the vertices.
+    """Read x, y and z of the vertices; all else, such as faces and colours, is stepped over.
 
     A range scan in the form of the Stanford archive (an element ``range_grid``
     that lists the vertex of each pixel) comes out organised.
@@ -22,33 +32,21 @@ def read_ply(path: Path) -> PointCloud:
     Raises
     ------
     InputError
-        Not a PLY file, without vertices of x, y and z, or with fewer than it promises.
+        Not a PLY file, malformed (with the number of the line), without
+        vertices of x, y and z, or with fewer of anything than it promises.
     """
-    from plyfile import PlyData, PlyElementParseError
-
-    with reading(path, "a PLY file"), quietly():
-        try:
-            ply = PlyData.read(str(path))
-        except PlyElementParseError as error:
-            element = error.element
-            if element is None or error.message != "early end-of-file":
-                raise
-            found = "fewer" if error.row is None else error.row
-            raise InputError(
-                f"{path}: cut short: the PLY header promises {element.count} of element "
-                f"{element.name!r}, the file holds {found}"
-            ) from None
-        if "vertex" not in ply:
-            raise InputError(f"{path}: the PLY file has no element 'vertex'")
-        vertices = ply["vertex"].data
-        names = vertices.dtype.names or ()
-        if any(axis not in names or vertices.dtype[axis].kind not in "iuf" for axis in "xyz"):
-            raise InputError(
-                f"{path}: the PLY vertices need the numbers x, y and z, found {', '.join(names)}"
-            )
-        points = np.stack([vertices[axis].astype(np.float64) for axis in "xyz"], axis=-1)
-        if "range_grid" in ply:
-            points = _on_range_grid(path, ply, points)
+    with reading(path, "a PLY file"):
+        data = path.read_bytes()
+        header = parse_header(path, data)
+        _require_coordinates(path, header)
+        columns = read_columns(path, header, data, _WANTED)
+        points = np.empty((header.elements["vertex"].count, 3))
+        # A NaN that signals is as good as any other.
+        with np.errstate(invalid="ignore"):
+            for axis, name in enumerate(_AXES):
+                points[:, axis] = columns["vertex"][name].values
+        if "range_grid" in columns:
+            points = _on_range_grid(path, header, columns["range_grid"].get(_CELLS), points)
         return PointCloud(points)
 
 
@@ -57,28 +55,53 @@ def write_ply(path: Path, cloud: PointCloud) -> None:
 
     PLY has no grid that other programs read, and several choke on NaN.
     """
-    from plyfile import PlyData, PlyElement
+    points = cloud.observed_points
+    header = (
+        "ply\nformat binary_little_endian 1.0\n"
+        f"element vertex {len(points)}\n"
+        "property double x\nproperty double y\nproperty double z\n"
+        "end_header\n"
+    )
+    path.write_bytes(header.encode("ascii") + points.astype("<f8").tobytes())
 
-    vertices = np.empty(len(cloud), dtype=[("x", "<f8"), ("y", "<f8"), ("z", "<f8")])
-    for axis, values in zip("xyz", cloud.observed_points.T, strict=True):
-        vertices[axis] = values
-    PlyData([PlyElement.describe(vertices, "vertex")], byte_order="<").write(str(path))
 
-
-def _on_range_grid(path: Path, ply: Any, points: NDArray[np.float64]) -> NDArray[np.float64]:
-    """Lay the vertices out on the pixels that list them."""
-    words = [line.split() for line in (*ply.obj_info, *ply.comments)]
-    size = {w[0]: int(w[1]) for w in words if len(w) == 2 and w[0] in ("num_cols", "num_rows")}
-    cells = ply["range_grid"].data["vertex_indices"]
-    if len(size) != 2 or size["num_cols"] * size["num_rows"] != len(cells):
-        raise InputError(
-            f"{path}: the PLY range grid has {len(cells)} cells, its obj_info says "
-            + (" x ".join(str(n) for n in size.values()) or "no size (num_cols, num_rows)")
+def _require_coordinates(path: Path, header: Header) -> None:
+    if "vertex" not in header.elements:
+        found = ", ".join(repr(name) for name in header.elements) or "no element at all"
+        raise InputError(f"{path}: the PLY file has no element 'vertex', found {found}")
+    properties = header.elements["vertex"].properties
+    numbers = [each.name for each in properties if each.length is None]
+    if any(axis not in numbers for axis in _AXES):
+        found = ", ".join(
+            each.name if each.length is None else f"a list {each.name}" for each in properties
         )
-    grid = np.full((len(cells), 3), np.nan)
-    seen = np.array([len(cell) > 0 for cell in cells], dtype=bool)
-    indices = np.array([int(cell[0]) for cell in cells if len(cell)], dtype=np.int64)
+        raise InputError(
+            f"{path}: the PLY vertices need the numbers x, y and z, found {found or 'none'}"
+        )
+
+
+def _on_range_grid(
+    path: Path, header: Header, cells: Column | None, points: NDArray[np.float64]
+) -> NDArray[np.float64]:
+    """Lay the vertices out on the pixels that list them."""
+    if cells is None or cells.lengths is None:
+        raise InputError(f"{path}: the PLY range grid needs lists called {_CELLS!r}")
+    size = {
+        words[0]: int(words[1])
+        for words in header.notes
+        if len(words) == 2 and words[0] in ("num_cols", "num_rows") and words[1].isdecimal()
+    }
+    columns, rows = size.get("num_cols", 0), size.get("num_rows", 0)
+    if columns * rows != len(cells.lengths):
+        raise InputError(
+            f"{path}: the PLY range grid has {len(cells.lengths)} cells, its obj_info says "
+            + (f"{columns} x {rows}" if len(size) == 2 else "no size (num_cols, num_rows)")
+        )
+    seen = cells.lengths > 0
+    first = (np.cumsum(cells.lengths) - cells.lengths)[seen]
+    indices = cells.values[first].astype(np.int64)
     if indices.size and (indices.min() < 0 or indices.max() >= len(points)):
         raise InputError(f"{path}: the PLY range grid lists vertices that are not in the file")
+    grid = np.full((len(cells.lengths), 3), np.nan)
     grid[seen] = points[indices]
-    return grid.reshape(size["num_rows"], size["num_cols"], 3)
+    return grid.reshape(rows, columns, 3)
