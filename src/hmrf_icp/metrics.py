@@ -62,6 +62,8 @@ class Matched(NamedTuple):
         often as it is matched, square metres.
     chance
         P(Z = +1) of the match, or 0 or 1 for hard weights; 0 where it is left out.
+    apart
+        Mean square of half the difference that noise makes between its normals.
     """
 
     points: Array
@@ -73,6 +75,7 @@ class Matched(NamedTuple):
     variance: Array
     onto_variance: Array
     chance: Array
+    apart: Array
 
 
 @dataclass(frozen=True)
@@ -127,7 +130,7 @@ class SurfaceMetric:
         # Rotation in units of the scene: both halves of a twist move the points about equally far.
         units = np.array([1 / length] * 3 + [1.0] * 3)
         both = np.outer(units, units)
-        truth, noise = kernels.geometry(*m[:6], centre)
+        truth, noise = kernels.geometry(*m[:6], m.apart, centre)
         information = matrix(truth) * both
         free, bound = split(information, matrix(noise) * both)
         if bound.shape[1] == 0:
@@ -224,6 +227,7 @@ class Pairing:
         self._source, self._target = source, target
         self._corners = corners(source.points)
         self._oriented = source.oriented and target.oriented
+        self._tilts = source.tilt, target.tilt
         self._least = (LEAST_NOISE * source.size) ** 2
 
     def matched(self, moved: Array, row: NDArray[np.intp], chance: Array) -> Matched:
@@ -236,28 +240,20 @@ class Pairing:
         source, target = self._source, self._target
         # Three points know how all of them were turned: it is a rigid motion that moved them.
         turn = best_motion(source.points[self._corners], moved[self._corners])[:3, :3]
-        normals, weight, variance, onto_variance, used = kernels.weigh(
+        normals, *weighed = kernels.weigh(
             source.normals,
             source.noise,
+            self._tilts[0],
             target.normals,
             target.noise,
+            self._tilts[1],
             row,
             chance,
             turn,
             self._oriented,
             self._least,
         )
-        return Matched(
-            moved,
-            normals,
-            target.points,
-            target.normals,
-            row,
-            weight,
-            variance,
-            onto_variance,
-            used,
-        )
+        return Matched(moved, normals, target.points, target.normals, row, *weighed)
 
 
 def corners(points: Array) -> NDArray[np.intp]:

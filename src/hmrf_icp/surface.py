@@ -49,6 +49,8 @@ class Surface:
         (M,) area that the point stands for, square metres.
     oriented
         Whether the normals have a sign.
+    support
+        Points that a normal was fitted to.
     """
 
     points: Array
@@ -57,11 +59,24 @@ class Surface:
     boundary: NDArray[np.bool_]
     area: Array
     oriented: bool
+    support: int
 
     @property
     def spacing(self) -> float:
         """Typical distance between neighbouring points, metres."""
         return float(np.sqrt(np.median(self.area)))
+
+    @property
+    def tilt(self) -> Array:
+        """Standard deviation of the normals about each tangent, (M,) radians.
+
+        What the noise does to a plane fitted to ``support`` points that cover
+        as many times their area: to first order noise over the root of their
+        summed squares, and more where the noise is not small against the patch.
+        """
+        relative = self.noise**2 / np.maximum(self.area, 1e-300)
+        patch = self.support / 12.0
+        return np.asarray(np.sqrt(relative / (self.support * patch) * (1.0 + relative / patch)))
 
     @property
     def size(self) -> float:
@@ -105,6 +120,7 @@ def _organised(cloud: PointCloud) -> Surface:
         boundary=boundary[seen],
         area=area[seen],
         oriented=cloud.viewpoint is not None,
+        support=(2 * WINDOW + 1) ** 2,
     )
 
 
@@ -145,6 +161,7 @@ def _unorganised(cloud: PointCloud) -> Surface:
         boundary=boundary,
         area=area,
         oriented=known,
+        support=count,
     )
 
 

@@ -9,6 +9,7 @@ matrix row by row, the gradient, the cost.
 
 from __future__ import annotations
 
+import math
 from typing import Any
 
 import numpy as np
@@ -17,6 +18,12 @@ from numba import njit
 GRADIENT = 21
 COST = 27
 SUMS = 28
+
+BEYOND = 9.0
+"""Times its mean that the square of a difference of normals is disagreement and not noise.
+
+Noise alone gets there once in 8,000 matches: exp(-9).
+"""
 
 _OPTIONS: Any = {
     "nogil": True,
@@ -30,8 +37,10 @@ _OPTIONS: Any = {
 def weigh(
     normals: Any,
     noise: Any,
+    tilt: Any,
     onto_normals: Any,
     onto_noise: Any,
+    onto_tilt: Any,
     row: Any,
     chance: Any,
     turn: Any,
@@ -41,7 +50,8 @@ def weigh(
     """Turn the source's normals by ``turn`` (3, 3) and weigh the matches.
 
     Returns the turned normals, the weights, the variances of the source and of
-    the target point of each match, and the chance of those that count. One of
+    the target point of each match, the chance of those that count, and the
+    square of half the difference that noise makes between their normals.
     ``least`` (square metres) is added to each variance.
     """
     count = row.shape[0]
@@ -50,6 +60,7 @@ def weigh(
     variance = np.empty(count)
     onto_variance = np.empty(count)
     used = np.zeros(count)
+    apart = np.empty(count)
     shared = np.zeros(onto_noise.shape[0])
     for i in range(count):
         k = row[i]
@@ -70,7 +81,9 @@ def weigh(
         variance[i] = noise[i] * noise[i] + least
         onto_variance[i] = max(shared[k], 1.0) * (onto_noise[k] * onto_noise[k] + least)
         weight[i] = used[i] / (variance[i] + onto_variance[i])
-    return turned, weight, variance, onto_variance, used
+        # Two tangents, two normals, half of each.
+        apart[i] = 0.5 * (tilt[i] * tilt[i] + onto_tilt[k] * onto_tilt[k])
+    return turned, weight, variance, onto_variance, used, apart
 
 
 @njit(**_OPTIONS)
@@ -297,12 +310,15 @@ def geometry(
     onto_normals: Any,
     row: Any,
     weight: Any,
+    apart: Any,
     centre: Any,
 ) -> Any:
     """Sum what surfaces know of the pose, and what noise in their normals makes up.
 
     Two sums: with half the sum of the normals of a match, and with half their
-    difference. Only the first has a gradient and a cost that mean something.
+    difference. Where the square of that is beyond what noise makes of it, nine times
+    ``apart`` (M,), it is shortened to that. Only the first sum has a gradient and a cost
+    that mean something.
     """
     truth = np.zeros(SUMS)
     noise = np.zeros(SUMS)
@@ -323,5 +339,9 @@ def geometry(
         )
         _add_row(truth, y * uz - z * uy, z * ux - x * uz, x * uy - y * ux, ux, uy, uz, residual, w)
         ux, uy, uz = nx - ux, ny - uy, nz - uz
+        square = ux * ux + uy * uy + uz * uz
+        if square > BEYOND * apart[i]:
+            shorter = math.sqrt(apart[i] / square)
+            ux, uy, uz = shorter * ux, shorter * uy, shorter * uz
         _add_row(noise, y * uz - z * uy, z * ux - x * uz, x * uy - y * ux, ux, uy, uz, 0.0, w)
     return truth, noise
