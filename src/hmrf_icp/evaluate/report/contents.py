@@ -162,24 +162,24 @@ def _run(study: Study) -> Section:
         items=[pairs_table(study)],
         facts=[
             ("starts", ", ".join(start.label for start in study.starts)),
-            *_flat(config),
+            *_facts(config),
         ],
     )
 
 
-def _flat(config: Mapping[str, Any], before: str = "") -> list[tuple[str, str]]:
-    facts: list[tuple[str, str]] = []
-    for key, value in config.items():
-        name = f"{before}{key}".replace("_", " ")
-        if isinstance(value, Mapping):
-            facts += _flat(value, f"{name}: ")
-        elif isinstance(value, list | tuple):
-            shown = ", ".join(str(item) for item in value[:MOST_VALUES])
-            more = len(value) - MOST_VALUES
-            facts.append((name, shown + (f" and {more} more" if more > 0 else "") or "none"))
-        else:
-            facts.append((name, "not given" if value is None else str(value)))
-    return facts
+def _facts(config: Mapping[str, Any]) -> list[tuple[str, str]]:
+    return [(name.replace("_", " "), _words(value)) for name, value in config.items()]
+
+
+def _words(value: Any) -> str:
+    """Write a value of the configuration out; what is inside another is named."""
+    if isinstance(value, Mapping):
+        return ", ".join(f"{name} {_words(inner)}" for name, inner in value.items()) or "none"
+    if isinstance(value, list | tuple):
+        more = len(value) - MOST_VALUES
+        shown = ", ".join(_words(item) for item in value[:MOST_VALUES])
+        return (f"{shown} and {more} more" if more > 0 else shown) or "none"
+    return "not known" if value is None else str(value)
 
 
 def _some(*items: Any) -> list[Any]:

@@ -104,6 +104,8 @@ def tables_markdown(title: str, said: Sequence[str], parts: Sequence[Section]) -
             lines += ["```console", f"$ {part.command}", "```", ""]
         lines += [f"- {remark}" for remark in part.remarks] + [""] * bool(part.remarks)
         lines += [table.markdown() for table in tables]
+        # Where the data stood on one machine is nothing for a documentation page.
+        lines += [f"- {name}: {value}" for name, value in part.facts if name != "dataset"]
     return "\n".join(lines).rstrip("\n") + "\n"
 
 
