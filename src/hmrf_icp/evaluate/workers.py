@@ -3,7 +3,9 @@
 from __future__ import annotations
 
 import contextlib
+import os
 import signal
+import threading
 import time
 from collections import deque
 from collections.abc import Callable, Iterable, Iterator
@@ -90,7 +92,7 @@ class LocalWorkers:
     def start(self) -> Executor:
         """Start the processes."""
         executor: Executor = _loky().ProcessPoolExecutor(
-            max_workers=self.count, env=ONE_THREAD, initializer=_leave_interrupts_to_the_parent
+            max_workers=self.count, env=ONE_THREAD, initializer=_follow, initargs=(os.getpid(),)
         )
         return executor
 
@@ -117,9 +119,18 @@ def _loky() -> Any:
     return loky
 
 
-def _leave_interrupts_to_the_parent() -> None:
+def _follow(parent: int) -> None:
+    """Make this worker live as long as its parent does, and no longer."""
     # Ctrl-C reaches every process of the terminal; the parent's is the one that ends them all.
     signal.signal(signal.SIGINT, signal.SIG_IGN)
+
+    def watch() -> None:
+        while os.getppid() == parent:
+            time.sleep(1.0)
+        os._exit(1)
+
+    # A parent that was killed tells nobody, and its workers would wait for work for ever.
+    threading.Thread(target=watch, daemon=True).start()
 
 
 class ClusterWorkers:
