@@ -6,8 +6,8 @@ import math
 from typing import Any
 
 import numpy as np
-from numba import njit
 
+from hmrf_icp.kernels.compiled import njit
 from hmrf_icp.kernels.table import look_up
 
 BORDER_WEIGHT = 0.1
@@ -20,7 +20,7 @@ LEAST_WEIGHT = 6.0
 """Weight of all matches together below which a start is given up: six unknowns."""
 
 
-@njit(nogil=True, cache=True, error_model="numpy")
+@njit(nogil=True, error_model="numpy")
 def solve(h: Any, g: Any, x: Any) -> None:
     """Solve h x = g for a symmetric (6, 6) h, lower triangle given, by Cholesky in place."""
     trace = 0.0
@@ -47,7 +47,7 @@ def solve(h: Any, g: Any, x: Any) -> None:
         x[i] = s / h[i, i]
 
 
-@njit(nogil=True, cache=True, error_model="numpy")
+@njit(nogil=True, error_model="numpy")
 def move(pose: Any, x: Any) -> None:
     """Move pose (4, 4) in place: turn by the rotation vector x[:3], then shift by x[3:]."""
     angle = math.sqrt(x[0] * x[0] + x[1] * x[1] + x[2] * x[2])
@@ -67,7 +67,7 @@ def move(pose: Any, x: Any) -> None:
     pose[2, 3] += x[5]
 
 
-@njit(nogil=True, cache=True, error_model="numpy")
+@njit(nogil=True, error_model="numpy")
 def anneal(
     points: Any,
     normals: Any,

@@ -10,7 +10,8 @@ from __future__ import annotations
 from typing import Any
 
 import numpy as np
-from numba import njit
+
+from hmrf_icp.kernels.compiled import njit
 
 IN_WEIGHT, IN_FIRST, IN_SECOND, OUT_WEIGHT, OUT_FIRST, OUT_SECOND, CHANGED, CHANGED_TWO = range(8)
 """Columns of the sums that a pass gathers for every row.
@@ -38,7 +39,7 @@ def _pass(scalar: Any, limit: float, halvings: int) -> Any:
     c3, c4, c5, c6, c7 = (scalar(1 / n) for n in (6, 24, 120, 720, 5040))
     double = halvings > 6
 
-    @njit(nogil=True, fastmath=ANY_ORDER, cache=True, error_model="numpy")
+    @njit(nogil=True, fastmath=ANY_ORDER, error_model="numpy")
     def em_pass(y: Any, observed: Any, z: Any, older: Any, new: Any, theta: Any, sums: Any) -> None:
         # z, older and new carry a margin of one pixel that stays 0, so that
         # a border pixel has fewer neighbours without a test in the loop.

@@ -6,7 +6,8 @@ import math
 from typing import Any
 
 import numpy as np
-from numba import njit
+
+from hmrf_icp.kernels.compiled import njit
 
 MINIMUM = 6
 """Neighbours below which no plane is fitted."""
@@ -21,7 +22,7 @@ GAP = 2.0
 """Angle without neighbours in the tangent plane, rad, that makes a point a border point."""
 
 
-@njit(nogil=True, cache=True, error_model="numpy")
+@njit(nogil=True, error_model="numpy")
 def smallest_eigenvector(a: Any, b: Any, c: Any, d: Any, e: Any, f: Any) -> Any:
     """Smallest eigenvalue and its unit vector of [[a, b, c], [b, d, e], [c, e, f]].
 
@@ -55,7 +56,7 @@ def smallest_eigenvector(a: Any, b: Any, c: Any, d: Any, e: Any, f: Any) -> Any:
     return low, x * s, y * s, z * s
 
 
-@njit(nogil=True, cache=True, error_model="numpy")
+@njit(nogil=True, error_model="numpy")
 def fit_window(points: Any, viewpoint: Any, angle: float, radius: int) -> Any:
     """Fit planes in windows of an organised cloud (H, W, 3).
 
@@ -124,7 +125,7 @@ def fit_window(points: Any, viewpoint: Any, angle: float, radius: int) -> Any:
     return normals, residual, boundary, area
 
 
-@njit(nogil=True, cache=True, error_model="numpy")
+@njit(nogil=True, error_model="numpy")
 def fit_neighbours(points: Any, index: Any, viewpoint: Any) -> Any:
     """Fit planes to listed neighbours: points (M, 3), index (M, K).
 
@@ -178,7 +179,7 @@ def fit_neighbours(points: Any, index: Any, viewpoint: Any) -> Any:
     return normals, residual, boundary
 
 
-@njit(nogil=True, cache=True, error_model="numpy")
+@njit(nogil=True, error_model="numpy")
 def _widest_gap(
     points: Any, index: Any, i: int, nx: float, ny: float, nz: float, turn: Any
 ) -> float:

@@ -9,16 +9,17 @@ from __future__ import annotations
 from typing import Any
 
 import numpy as np
-from numba import njit
+
+from hmrf_icp.kernels.compiled import njit
 
 
-@njit(nogil=True, cache=True, error_model="numpy")
+@njit(nogil=True, error_model="numpy")
 def closest(points: Any, k: int, x: float, y: float, z: float) -> float:
     """Square of the distance of point k to (x, y, z)."""
     return (points[k, 0] - x) ** 2 + (points[k, 1] - y) ** 2 + (points[k, 2] - z) ** 2
 
 
-@njit(nogil=True, cache=True, error_model="numpy")
+@njit(nogil=True, error_model="numpy")
 def build(points: Any, corner: Any, edge: float, shape: Any) -> Any:
     """Propagate the points (N, 3) from their own cells to all, in four sweeps.
 
@@ -76,7 +77,7 @@ def build(points: Any, corner: Any, edge: float, shape: Any) -> Any:
     return table
 
 
-@njit(nogil=True, cache=True, error_model="numpy")
+@njit(nogil=True, error_model="numpy")
 def look_up(points: Any, table: Any, corner: Any, edge: float, x: float, y: float, z: float) -> int:
     """Return the index of a close point, the closest of four cells' about (x, y, z); -1 outside."""
     nx, ny, nz = table.shape

@@ -1,0 +1,27 @@
+"""Numba's decorator, for machines where there is no place to keep what it compiled."""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from typing import Any, TypeVar, cast
+
+import numba
+
+Function = TypeVar("Function", bound=Callable[..., Any])
+
+
+def njit(**options: Any) -> Callable[[Function], Function]:
+    """Compile at the first call, and keep the result on disk where that can be done.
+
+    With ``cache=True`` Numba refuses to compile at all where neither the package's
+    folder nor the user's is writable (a read-only container without a home). Here
+    such a place costs the compilation in every process, and nothing else.
+    """
+
+    def decorate(function: Function) -> Function:
+        try:
+            return cast(Function, numba.njit(cache=True, **options)(function))
+        except RuntimeError:
+            return cast(Function, numba.njit(**options)(function))
+
+    return decorate
