@@ -41,6 +41,7 @@ def test_help_fits_a_terminal_and_names_every_option():
         "--preset",
         "--rejector",
         "--max-depth",
+        "--viewpoint",
         "--output",
         "--figure",
         "--json",

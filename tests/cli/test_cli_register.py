@@ -182,6 +182,63 @@ def test_options_that_have_no_effect_are_mentioned(command, clouds):
     json.loads(out)
 
 
+# ---- Where the sensor stood ------------------------------------------------------------------
+
+
+@pytest.fixture
+def asked(monkeypatch):
+    """The source and the target that the library was asked to register."""
+    register = hmrf_icp.register
+    clouds = []
+
+    def watched(source, target, *arguments, **options):
+        clouds.extend((source, target))
+        return register(source, target, *arguments, **options)
+
+    monkeypatch.setattr(hmrf_icp, "register", watched)
+    return clouds
+
+
+@pytest.mark.parametrize("given", ["-0.5,0.25,1e-1", "0,0,0", " 1, 2, 3"])
+def test_both_clouds_are_seen_from_the_viewpoint(command, clouds, asked, given):
+    status, _, err = command("register", *clouds, "--viewpoint", given, "--json")
+    assert status == 0
+    assert "Note" not in err
+    for cloud, file in zip(asked, clouds, strict=True):
+        np.testing.assert_array_equal(cloud.viewpoint, [float(word) for word in given.split(",")])
+        np.testing.assert_array_equal(cloud.points, read_cloud(file).points)
+
+
+def test_without_it_clouds_have_the_viewpoint_of_their_file(command, clouds, asked, tmp_path):
+    target = read_cloud(clouds[1])
+    write_cloud(tmp_path / "t.npz", PointCloud(target.points, viewpoint=[1.0, 2.0, 3.0]))
+    command("register", clouds[0], tmp_path / "t.npz")
+    assert asked[0].viewpoint is None
+    np.testing.assert_array_equal(asked[1].viewpoint, [1, 2, 3])
+    command("register", clouds[0], tmp_path / "t.npz", "--viewpoint", "0,0,1.8")
+    np.testing.assert_array_equal(asked[3].viewpoint, [0, 0, 1.8])
+
+
+def test_the_viewpoint_of_the_source_moves_with_it(command, clouds, tmp_path):
+    aligned = tmp_path / "aligned.npz"
+    options = ("--viewpoint", "0.5,0,0", "--output", aligned, "--json")
+    _, out, _ = command("register", *clouds, *options)
+    motion = np.array(json.loads(out)["transformation"])
+    expected = se3.transform(motion, np.array([0.5, 0.0, 0.0]))
+    np.testing.assert_allclose(read_cloud(aligned).viewpoint, expected, atol=1e-12)
+
+
+def test_a_depth_map_keeps_its_camera_beside_a_cloud_with_a_viewpoint(command, pair, clouds, asked):
+    options = (*INTRINSICS, "--viewpoint", "1,2,3", "--json")
+    _, _, err = command("register", pair[0], clouds[1], *options)
+    assert asked[0].camera is not None
+    np.testing.assert_array_equal(asked[0].viewpoint, [0, 0, 0])
+    np.testing.assert_array_equal(asked[1].viewpoint, [1, 2, 3])
+    assert "Note" not in err
+    _, _, err = command("register", *pair, *options)
+    assert "Note: both files come with a camera: --viewpoint has no effect" in err
+
+
 # ---- What goes wrong --------------------------------------------------------------------------
 
 
@@ -286,6 +343,9 @@ def test_a_cloud_that_no_motion_can_be_found_from(command, clouds, tmp_path, poi
         ((*INTRINSICS, "--depth-scale", "nan"), "--depth-scale: expected a positive number"),
         ((*INTRINSICS, "--max-depth", "0"), "--max-depth: expected a positive number"),
         ((*INTRINSICS, "--max-depth", "0.5"), "0 observed points"),
+        ((*INTRINSICS, "--viewpoint", "0,0"), "--viewpoint: expected three numbers X,Y,Z"),
+        ((*INTRINSICS, "--viewpoint", "0,0,nan"), "--viewpoint: expected three numbers X,Y,Z"),
+        ((*INTRINSICS, "--viewpoint", "here"), "in metres, such as 0,0,1.8; got 'here'"),
         ((*INTRINSICS, "--init", "none.txt"), "none.txt: no such file"),
         ((*INTRINSICS, "--preset", "best"), f"expected one of {', '.join(presets.names())}"),
         (

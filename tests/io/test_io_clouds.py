@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+import warnings
+
 import numpy as np
 import pytest
 from hypothesis import given, settings
@@ -152,6 +154,16 @@ def test_pcd_higher_than_one_row_is_organised(tmp_path):
     assert cloud.shape == (2, 2)
     assert not cloud.observed[0, 1]
     np.testing.assert_array_equal(cloud.points[1, 0], POINTS[2])
+
+
+def test_pcd_with_a_nan_that_signals(tmp_path):
+    bits = SINGLE.view("<u4").copy()
+    bits[3, 2] = 0x7FA00000
+    (tmp_path / "c.pcd").write_bytes(pcd("binary", bits.tobytes()))
+    with warnings.catch_warnings():
+        warnings.simplefilter("error")
+        cloud = read_cloud(tmp_path / "c.pcd")
+    assert cloud.observed.tolist() == [True, True, True, False]
 
 
 @pytest.mark.parametrize(

@@ -23,6 +23,7 @@ NOT_CONVERGED = 1
 FIGURE_SUFFIXES = (".png", ".pdf", ".svg")
 
 _DEPTH = "Depth maps"
+_CLOUDS = "Clouds"
 _METHOD = "Method"
 _OUTPUT = "Output"
 
@@ -60,8 +61,8 @@ def register(
         typer.Option(
             metavar="UNITS",
             rich_help_panel=_DEPTH,
-            show_default="1000 for integers, 1 for floating point",
-            help="Units of the depth maps per metre.",
+            help="Units of the depth maps per metre: 1000 for integers and 1 for floating point, "
+            "unless given.",
         ),
     ] = None,
     max_depth: Annotated[
@@ -72,13 +73,23 @@ def register(
             help="Leave out depths beyond this many metres.",
         ),
     ] = None,
+    viewpoint: Annotated[
+        str | None,
+        typer.Option(
+            metavar="X,Y,Z",
+            rich_help_panel=_CLOUDS,
+            help="Where the sensor stood, in the frame of each cloud, metres: 0,0,0 for LiDAR "
+            "scans in the sensor's own frame. Holds for SOURCE and TARGET, whatever their files "
+            "say; depth maps need none.",
+        ),
+    ] = None,
     init: Annotated[
         Path | None,
         typer.Option(
             metavar="POSE.txt",
             rich_help_panel=_METHOD,
-            show_default="the identity",
-            help="Where to start: a 4x4 matrix as text, source to target, metres.",
+            help="Where to start: a 4x4 matrix as text, source to target, metres; the identity "
+            "unless given.",
         ),
     ] = None,
     preset: Annotated[
@@ -92,8 +103,7 @@ def register(
         typer.Option(
             metavar="NAME",
             rich_help_panel=_METHOD,
-            show_default="the preset's own",
-            help="Another rule for which points have a counterpart, one of: "
+            help="Another rule than the preset's own for which points have a counterpart, one of: "
             f"{', '.join(presets.rejector_names())}.",
         ),
     ] = None,
@@ -141,6 +151,7 @@ def register(
     _require_positive("--depth-scale", depth_scale, "units per metre")
     _require_positive("--max-depth", max_depth, "metres")
     lens = _lens(camera, intrinsics)
+    stood = None if viewpoint is None else _position("--viewpoint", viewpoint)
     start = None if init is None else read_pose(init)
     _check_outputs(output, figure, [file for file in (source, target, camera, init) if file])
 
@@ -155,6 +166,10 @@ def register(
             given = (camera, intrinsics, depth_scale, max_depth)
             if not (moving_is_depth or staying_is_depth) and any(o is not None for o in given):
                 _note("neither file is a depth map: the options for depth maps have no effect")
+            if stood is not None:
+                if moving.camera is not None and staying.camera is not None:
+                    _note("both files come with a camera: --viewpoint has no effect")
+                moving, staying = _seen_from(stood, moving), _seen_from(stood, staying)
             bar.stage("Registering", total=method.criteria.max_iterations)
             with _arguments_named({"source": source, "target": target, "init": init}):
                 result = hmrf_icp.register(
@@ -174,6 +189,18 @@ def register(
 def _require_positive(option: str, value: float | None, unit: str) -> None:
     if value is not None and not (math.isfinite(value) and value > 0):
         raise InputError(f"{option}: expected a positive number of {unit}, got {value:g}")
+
+
+def _position(option: str, text: str) -> tuple[float, float, float]:
+    try:
+        x, y, z = (float(word) for word in text.split(","))
+    except ValueError:
+        x = y = z = math.nan
+    if not all(map(math.isfinite, (x, y, z))):
+        raise InputError(
+            f"{option}: expected three numbers X,Y,Z in metres, such as 0,0,1.8; got {text!r}"
+        )
+    return x, y, z
 
 
 def _lens(camera: Path | None, intrinsics: str | None) -> Intrinsics | None:
@@ -213,6 +240,17 @@ def _read(
     if isinstance(content, PointCloud):
         return content, False
     return unproject(path, content, lens, depth_scale, max_depth), True
+
+
+def _seen_from(position: tuple[float, float, float], cloud: PointCloud) -> PointCloud:
+    """Say where the sensor of a cloud stood; a camera stands at the origin and stays there."""
+    import numpy as np
+
+    from hmrf_icp.cloud import PointCloud
+
+    if cloud.camera is not None:
+        return cloud
+    return PointCloud(cloud.points, viewpoint=np.array(position))
 
 
 @contextmanager

@@ -270,6 +270,8 @@ def _compressed(path: Path, header: _Header, body: bytes) -> NDArray[np.float64]
 
 def _columns(header: _Header, columns: list[NDArray[np.generic]]) -> NDArray[np.float64]:
     points = np.empty((header.points, 3))
-    for axis, column in enumerate(columns):
-        points[:, axis] = column
+    # A NaN that signals is as good as any other.
+    with np.errstate(invalid="ignore"):
+        for axis, column in enumerate(columns):
+            points[:, axis] = column
     return points
