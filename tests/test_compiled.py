@@ -1,4 +1,4 @@
-"""Compiled loops work where their cache has no place to be: a read-only container without a home."""
+"""Compiled loops work where their cache has no place: a read-only container without a home."""
 
 from __future__ import annotations
 
