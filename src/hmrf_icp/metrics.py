@@ -269,7 +269,8 @@ def extent(points: Array, weight: Array) -> tuple[Array, float]:
     """Weighted mean of points (M, 3), and their root mean square distance from it, metres."""
     total = weight.sum()
     centre = weight @ points / total
-    square = weight @ np.einsum("ij,ij->i", points - centre, points - centre) / total
+    apart = points - centre
+    square = weight @ np.einsum("ij,ij->i", apart, apart) / total
     return np.asarray(centre), float(np.sqrt(square))
 
 

@@ -103,6 +103,29 @@ def test_json_says_what_the_library_says(command, clouds):
     assert content["overlap"] == result.overlap
 
 
+def test_another_metric_and_what_a_bare_wall_leaves_free(command, tmp_path):
+    slope = np.add.outer(np.arange(36) * 0.3, np.arange(48) * 0.2)
+    Image.fromarray(np.round(1500 + slope).astype(np.uint16)).save(tmp_path / "wall.png")
+    wall = tmp_path / "wall.png"
+    options = (*INTRINSICS, "--rejector", "all", "--metric", "point-to-plane")
+    _, out, _ = command("register", wall, wall, *options)
+    assert "slide along themselves" in out
+    assert out.count("translation along") == 2
+    _, out, _ = command("register", wall, wall, *options, "--json")
+    content = json.loads(out)
+    assert content["metric"] == "point-to-plane"
+    assert np.shape(content["information"]) == (6, 6)
+    assert [np.shape(free["twist"]) for free in content["degenerate"]] == [(6,)] * 3
+    assert content["degenerate"][0]["motion"].startswith("rotation about")
+
+
+def test_an_unknown_metric_is_named(command, clouds):
+    status, out, err = command("register", *clouds, "--metric", "chamfer")
+    assert (status, out) == (2, "")
+    assert "--metric: unknown 'chamfer'" in err
+    assert "plane-to-plane" in err
+
+
 def test_the_start_is_used(command, clouds, tmp_path):
     write_pose(tmp_path / "init.txt", TRUTH)
     status, out, _ = command("register", *clouds, "--init", tmp_path / "init.txt", "--json")

@@ -107,6 +107,15 @@ def register(
             f"{', '.join(presets.rejector_names())}.",
         ),
     ] = None,
+    metric: Annotated[
+        str | None,
+        typer.Option(
+            metavar="NAME",
+            rich_help_panel=_METHOD,
+            help="Another measure than the preset's own of how far matched points are apart, "
+            f"one of: {', '.join(presets.aligner_names())}.",
+        ),
+    ] = None,
     output: Annotated[
         Path | None,
         typer.Option(
@@ -148,6 +157,10 @@ def register(
     method = presets.preset(preset)
     if rejector is not None:
         presets.rejector(rejector)
+    if metric is not None and metric not in presets.aligner_names():
+        raise InputError(
+            f"--metric: unknown {metric!r}, expected one of {', '.join(presets.aligner_names())}"
+        )
     _require_positive("--depth-scale", depth_scale, "units per metre")
     _require_positive("--max-depth", max_depth, "metres")
     lens = _lens(camera, intrinsics)
@@ -155,7 +168,8 @@ def register(
     start = None if init is None else read_pose(init)
     _check_outputs(output, figure, [file for file in (source, target, camera, init) if file])
 
-    named = {"preset": preset, "rejector": rejector, "source": source, "target": target}
+    chosen = {"preset": preset, "rejector": rejector, "metric": metric}
+    named = chosen | {"source": source, "target": target}
     result: RegistrationResult | None = None
     written: list[Path] = []
     try:
@@ -173,7 +187,13 @@ def register(
             bar.stage("Registering", total=method.criteria.max_iterations)
             with _arguments_named({"source": source, "target": target, "init": init}):
                 result = hmrf_icp.register(
-                    moving, staying, start, preset, rejector=rejector, on_iteration=bar
+                    moving,
+                    staying,
+                    start,
+                    preset,
+                    rejector=rejector,
+                    aligner=metric,
+                    on_iteration=bar,
                 )
             bar.stage("Writing")
             written = _write(moving, staying, result, output, figure)

@@ -37,6 +37,7 @@ def summary(
         f"  motion       {_length(se3.translation_norm(motion))}, "
         f"{math.degrees(se3.rotation_angle(motion)):.3f} deg",
         f"  time         {result.seconds:.2f} s, {_count(result.em_iterations, 'EM step')}",
+        *_left_alone(result),
         "",
         "  transformation, source to target:",
         *("  " + " ".join(f"{value:13.8f}" for value in row) for row in motion.tolist()),
@@ -58,7 +59,21 @@ def json_text(result: RegistrationResult, also: Mapping[str, Any]) -> str:
     """
     content = {name: getattr(result, name) for name in _NUMBERS}
     content |= {name: getattr(result, name) for name in _WHERE_THERE_ARE if hasattr(result, name)}
+    content["degenerate"] = [
+        {"motion": str(motion), "twist": motion.twist} for motion in result.degenerate
+    ]
     return json.dumps(_plain(content | dict(also)), allow_nan=False)
+
+
+def _left_alone(result: RegistrationResult) -> list[str]:
+    """Lines on what the surfaces could not tell."""
+    if not result.degenerate:
+        return []
+    return [
+        "",
+        "  The surfaces slide along themselves: left as the start had it",
+        *(f"    {motion}" for motion in result.degenerate),
+    ]
 
 
 def _plain(value: Any) -> Any:

@@ -13,7 +13,8 @@ import math
 from typing import Any
 
 import numpy as np
-from numba import njit
+
+from hmrf_icp.kernels.compiled import njit
 
 GRADIENT = 21
 COST = 27
@@ -27,7 +28,6 @@ Noise alone gets there once in 8,000 matches: exp(-9).
 
 _OPTIONS: Any = {
     "nogil": True,
-    "cache": True,
     "error_model": "numpy",
     "fastmath": {"reassoc", "contract", "arcp", "nsz"},
 }
