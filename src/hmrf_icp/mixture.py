@@ -43,7 +43,7 @@ class Mixture:
     share
         Prior probability of being an inlier.
     log_likelihood
-        Mean logarithmic density of the points it was fitted to, times their number.
+        Logarithmic density of the points it was fitted to, added up.
     points
         That number.
     """
@@ -100,6 +100,7 @@ def fit(
     inlier: str | Residual,
     outlier: str | Residual,
     *,
+    weight: Array | None = None,
     initial: float = 0.5,
     smallest: float = 0.0,
     steps: int = EM_STEPS,
@@ -112,8 +113,10 @@ def fit(
         (M,) distances of 0 or more, metres.
     inlier, outlier
         Distributions, by name or instance; only their kinds matter.
+    weight
+        (M,) how many points each distance stands for, more than 0; None for one.
     initial
-        Share of the points, the nearest, that start as inliers.
+        Share of the distances, the nearest, that start as inliers.
     smallest
         Floor under the scales, metres.
     steps
@@ -125,28 +128,29 @@ def fit(
         There are no distances, or some are negative or not finite.
     """
     y = checked(y)
-    near = (y <= np.quantile(y, initial)).astype(np.float64)
-    everything = np.ones_like(y)
+    weight = np.ones_like(y) if weight is None else weight
+    total = float(weight.sum())
+    near = weight * (y <= np.quantile(y, initial))
     # Fitted to everything first, for the component that has no point of its own to start from.
     mixture = Mixture(
-        residual(inlier).fit(y, everything, smallest).fit(y, near, smallest),
-        residual(outlier).fit(y, everything, smallest).fit(y, 1.0 - near, smallest),
-        min(max(float(near.mean()), SHARE_FLOOR), 1.0 - SHARE_FLOOR),
+        residual(inlier).fit(y, weight, smallest).fit(y, near, smallest),
+        residual(outlier).fit(y, weight, smallest).fit(y, weight - near, smallest),
+        min(max(float(near.sum()) / total, SHARE_FLOOR), 1.0 - SHARE_FLOOR),
     )
     before = -math.inf
     for _ in range(steps):
         probability = mixture.probability(y)
         mixture = Mixture(
-            mixture.inlier.fit(y, probability, smallest),
-            mixture.outlier.fit(y, 1.0 - probability, smallest),
-            min(max(float(probability.mean()), SHARE_FLOOR), 1.0 - SHARE_FLOOR),
+            mixture.inlier.fit(y, weight * probability, smallest),
+            mixture.outlier.fit(y, weight * (1.0 - probability), smallest),
+            min(max(float(weight @ probability) / total, SHARE_FLOOR), 1.0 - SHARE_FLOOR),
         )
-        likelihood = float(mixture.log_density(y).mean())
+        likelihood = float(weight @ mixture.log_density(y)) / total
         if likelihood - before < SETTLED:
             break
         before = likelihood
     return replace(
-        mixture, log_likelihood=float(mixture.log_density(y).mean()) * y.size, points=y.size
+        mixture, log_likelihood=float(weight @ mixture.log_density(y)), points=round(total)
     )
 
 
@@ -183,20 +187,18 @@ def compare(
         There are no distances, some are negative or not finite, or a name is unknown.
     """
     y = checked(y)
-    few = y
+    weight = np.ones_like(y)
     if y.size > summary:
-        few = np.quantile(y, (np.arange(summary) + 0.5) / summary)
+        # The largest is one point among many, and no quantile: a uniform distribution ends there.
+        few = np.append(np.quantile(y, (np.arange(summary) + 0.5) / summary), y.max())
+        weight = np.append(np.full(summary, (y.size - 1) / summary), 1.0)
+        y = few
     found: list[tuple[bool, float, Mixture]] = []
     seconds = names() if outliers is None else tuple(outliers)
     for first in names() if inliers is None else inliers:
         for second in seconds:
-            fitted = fit(few, first, second, initial=initial, smallest=smallest)
-            fitted = replace(
-                fitted,
-                log_likelihood=fitted.log_likelihood * (y.size / few.size),
-                points=y.size,
-            )
-            found.append((not fitted.nearer(few), fitted.bic, fitted))
+            fitted = fit(y, first, second, weight=weight, initial=initial, smallest=smallest)
+            found.append((not fitted.nearer(y), fitted.bic, fitted))
     return tuple(mixture for _, _, mixture in sorted(found, key=lambda entry: entry[:2]))
 
 
