@@ -32,6 +32,7 @@ from hmrf_icp.surface import Surface, surface_of
 Array = NDArray[np.float64]
 
 UNKNOWNS = 6
+_UPPER = np.triu_indices(UNKNOWNS)
 
 INNER_STEPS = 10
 """Most Gauss-Newton steps a match; two or three are usual."""
@@ -277,7 +278,7 @@ def extent(points: Array, weight: Array) -> tuple[Array, float]:
 def matrix(sums: Array) -> Array:
     """Unpack the (6, 6) matrix of a pass."""
     full = np.zeros((UNKNOWNS, UNKNOWNS))
-    full[np.triu_indices(UNKNOWNS)] = sums[: UNKNOWNS * (UNKNOWNS + 1) // 2]
+    full[_UPPER] = sums[: len(_UPPER[0])]
     return np.asarray(full + np.triu(full, 1).T)
 
 
