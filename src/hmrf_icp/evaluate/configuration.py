@@ -31,6 +31,9 @@ DISTRIBUTIONS = (
 """Packages whose version may change a result."""
 
 
+VERSION = "version of "
+
+
 @dataclass(frozen=True)
 class Configuration:
     """An evaluation.
@@ -168,16 +171,11 @@ def require_same(path: Path, configuration: Configuration) -> None:
             raise ValueError("not an object")
     except (OSError, ValueError) as error:
         raise InputError(f"{path}: cannot be read ({error}); begin anew with --fresh") from None
-    now = _identity(configuration)
+    was, now = _flat(before), _flat(_identity(configuration))
     changed = [
-        f"{name} was {_brief(before.get(name))}, is {_brief(value)}"
-        for name, value in _flat(now).items()
-        if _flat(before).get(name) != value
-    ]
-    changed += [
-        f"{name} was {_brief(was)}, is gone"
-        for name, was in _flat({"versions": before.get("versions", {})}).items()
-        if name not in _flat(now)
+        f"{name} was {_brief(was.get(name))}, is {_brief(now.get(name))}"
+        for name in dict.fromkeys((*now, *was))
+        if was.get(name) != now.get(name) and (name in now or name.startswith(VERSION))
     ]
     if changed:
         raise InputError(
@@ -191,7 +189,7 @@ def _flat(content: Mapping[str, Any]) -> dict[str, Any]:
     found = {name: value for name, value in content.items() if name != "versions"}
     inner = content.get("versions")
     if isinstance(inner, dict):
-        found.update({f"version of {name}": value for name, value in inner.items()})
+        found.update({f"{VERSION}{name}": value for name, value in inner.items()})
     return found
 
 

@@ -1,0 +1,119 @@
+from __future__ import annotations
+
+import sys
+from pathlib import Path
+from types import SimpleNamespace
+
+import numpy as np
+import pytest
+from evaluation_fakes import asked, rows
+
+from hmrf_icp import se3
+from hmrf_icp.cloud import PointCloud
+from hmrf_icp.errors import InputError
+from hmrf_icp.evaluate import evaluate, peers
+from hmrf_icp.evaluate.peers import FAMILIES, THRESHOLDS, NoAnswerError
+from hmrf_icp.evaluate.prepared import Prepared
+from hmrf_icp.render import render
+from hmrf_icp.scenes import CAMERA, SCENES, trajectory
+
+STEP = 6
+
+
+@pytest.fixture(scope="module")
+def desk() -> tuple[Prepared, Prepared, np.ndarray]:
+    """Two views of the desk that share nearly all of it, and the true pose."""
+    poses = trajectory("desk", 60)[30:32]
+    target, source = (
+        Prepared(PointCloud.from_depth(render(SCENES["desk"](), CAMERA, p), CAMERA).subsample(STEP))
+        for p in poses
+    )
+    return source, target, se3.inverse(poses[0]) @ poses[1]
+
+
+def needing(family: peers.Family) -> None:
+    if not family.available:
+        pytest.skip(f"{family.library} is not installed")
+
+
+@pytest.mark.parametrize("family", FAMILIES, ids=lambda family: family.name)
+def test_a_peer_comes_nearer_to_the_true_pose_of_views_that_share_nearly_everything(
+    desk: tuple[Prepared, Prepared, np.ndarray], family: peers.Family
+):
+    needing(family)
+    source, target, truth = desk
+    centre = se3.transform(truth, source.centroid)
+    init = se3.rotation_about((0.0, 1.0, 0.0), 0.05, centre) @ truth
+    begun = se3.error(init, truth)[1]
+    method = next(m for m in family.methods() if "@" not in m.name or m.name.endswith("@0.1"))
+    outcome = method.register(source, target, init)
+    assert se3.error(se3.as_rigid(outcome.transformation), truth)[1] < 0.5 * begun
+    assert outcome.fitness is not None
+    assert 0.5 < outcome.fitness <= 1.0
+
+
+def test_peers_say_the_same_whatever_the_number_of_workers(recording: Path, tmp_path: Path):
+    pytest.importorskip("joblib")
+    present = [family for family in FAMILIES if family.available]
+    if not present:
+        pytest.skip("no peer is installed")
+    chosen = tuple(f"{f.name}@0.1" if f.thresholds else f.name for f in present)
+    configuration = asked(recording, methods=(), peers=chosen, axes=1, minimum_overlap=0.5)
+    for count in (1, 2):
+        evaluate(configuration, tmp_path / str(count), workers=count)
+    found = rows(tmp_path / "1")
+    assert {row["method"] for row in found} == set(chosen)
+    assert found == rows(tmp_path / "2")
+
+
+def test_a_peer_that_wants_a_threshold_is_run_at_five():
+    pytest.importorskip("small_gicp")
+    names = [method.name for method in peers.choose(["gicp"]).methods]
+    assert names == [f"gicp@{metres:g}" for metres in THRESHOLDS]
+    assert [m.name for m in peers.choose(["gicp@0.2"]).methods] == ["gicp@0.2"]
+
+
+def test_a_larger_threshold_believes_in_more_matches(
+    desk: tuple[Prepared, Prepared, np.ndarray],
+):
+    pytest.importorskip("small_gicp")
+    source, target, truth = desk
+    fitness = [peers.gicp(source, target, truth, (reach,)).fitness for reach in (0.01, 0.05, 0.8)]
+    assert fitness == sorted(fitness)
+    assert fitness[0] < fitness[-1]
+
+
+def test_a_peer_that_is_not_installed_is_left_out_with_a_sentence(monkeypatch: pytest.MonkeyPatch):
+    monkeypatch.setattr(peers, "find_spec", lambda name: None)
+    choice = peers.choose(None)
+    assert choice.methods == ()
+    assert len(choice.skipped) == len(FAMILIES)
+    assert all("skipped" in line and "hmrf-icp[peers]" in line for line in choice.skipped)
+
+
+def test_an_unknown_peer_is_refused_with_the_known_ones():
+    with pytest.raises(InputError, match=r"gicp@0\.3.*known are o3d-point"):
+        peers.choose(["gicp@0.3"])
+
+
+def test_descriptors_are_matched_once_a_pair_and_their_failure_is_one_from_every_start(
+    desk: tuple[Prepared, Prepared, np.ndarray], monkeypatch: pytest.MonkeyPatch
+):
+    asked = []
+
+    class Matcher:
+        def __init__(self, config: object) -> None:
+            asked.append(config)
+
+        def estimate(self, source: object, target: object) -> SimpleNamespace:
+            return SimpleNamespace(valid=False)
+
+    fake = SimpleNamespace(KISSMatcher=Matcher, KISSMatcherConfig=lambda voxel_size: voxel_size)
+    monkeypatch.setitem(sys.modules, "kiss_matcher", fake)
+    source, target = (Prepared(cloud.cloud) for cloud in desk[:2])
+    method = peers.catalogue()["kiss-gicp@0.1"]
+    for angle in range(3):
+        start = se3.rotation_about((0, 0, 1), angle, np.zeros(3))
+        with pytest.raises(NoAnswerError):
+            method.register(source, target, start)
+    assert asked == [0.05]
