@@ -17,7 +17,7 @@ def test_the_figure_shows_what_was_fitted(tmp_path):
     figure = residual_figure(y.reshape(40, 50), title="A pair")
     left, right = figure.axes
     labels = left.get_legend_handles_labels()[1]
-    assert labels == ["distances", "40% inliers, half-normal", "60% outliers, uniform"]
+    assert labels == ["distances", "41% inliers, half-normal", "59% outliers, uniform"]
     assert right.get_xscale() == "log"
     bars = left.patches[0].get_data()
     drawn = np.sum(bars.values * np.diff(bars.edges))

@@ -26,6 +26,9 @@ from hmrf_icp.residuals import Residual, residual
 
 Array = NDArray[np.float64]
 
+CHOOSING = (0, 1, 4, 16, 64)
+"""Iterations at which residual distributions are chosen; each takes a fraction of a second."""
+
 SPACING_SAMPLE = 2000
 """Target points whose distance to the next one is measured for the scale floor."""
 
@@ -44,7 +47,7 @@ class MarkovField:
     residuals
         Distributions of the inliers' and of the outliers' distances, by name
         (:func:`hmrf_icp.residuals.names`) or instance; ``"auto"`` takes the pair with
-        the best BIC, before the first motion and again at iterations 1, 2, 4, 8, 16...
+        the best BIC, before the first motion and again at iterations 1, 4, 16...
     neighbours
         ``"grid"``, the pixels; ``"nearest"``, the nearest points; ``"ring"``, an organised
         spinning LiDAR, (beams, azimuths); a graph of the source's observed
@@ -234,11 +237,11 @@ class _Em:
         return Labels(z, taken, self._report(inlier, outlier, prior, iteration))
 
     def _kinds(self, y: Array, iteration: int) -> tuple[Residual, Residual]:
-        """Kinds of the distributions; where they are chosen, at iterations that are powers of 2."""
+        """Kinds of the distributions; where they are chosen, at iterations 0, 1, 4, 16..."""
         if self._model.residuals != "auto":
             first, second = self._model.residuals
             return residual(first), residual(second)
-        if self._chosen is None or iteration & (iteration - 1) == 0:
+        if self._chosen is None or iteration in CHOOSING:
             best = mixture.choose(y, initial=self._model.initial, smallest=self._smallest)
             self._chosen = best.inlier, best.outlier
         return self._chosen

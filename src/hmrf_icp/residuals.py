@@ -139,11 +139,12 @@ class Logistic(_Named):
     units: ClassVar[Mapping[str, str]] = MappingProxyType({"mu": "m", "scale": "m"})
 
     def fit(self, y: Array, weight: Array, smallest: float = 0.0) -> Logistic:
-        """Climb the likelihood by Newton's method from the moments.
+        """Climb the likelihood by Newton's method.
 
         With a = 1/scale and b = mu/scale the log-likelihood
         sum w (log a - t - 2 log(1 + exp(-t))), t = a y - b, is concave, so
-        that steps halved until they climb arrive.
+        that steps halved until they climb arrive. They start from the moments, or from
+        the present parameters where those are likelier, as within EM.
         """
         total = weight.sum()
         if total <= 0.0:
@@ -156,19 +157,26 @@ class Logistic(_Named):
         x, w = (y - mean) / deviation, weight / total
         a, b = math.pi / math.sqrt(3), 0.0
         best = _logistic_likelihood(x, w, a, b)
+        present = deviation / self.scale, (self.mu - mean) / self.scale
+        likelihood = _logistic_likelihood(x, w, *present)
+        if likelihood > best:
+            best, (a, b) = likelihood, present
         for _ in range(NEWTON_STEPS):
             half = np.tanh(0.5 * (a * x - b))
             curve = 0.5 * w * (1.0 - half**2)
-            gradient = np.array([1.0 / a - (w * half) @ x, (w * half).sum()])
-            cross = -curve @ x
-            hessian = np.array([[1.0 / a**2 + curve @ x**2, cross], [cross, curve.sum()]])
-            step = np.linalg.lstsq(hessian, gradient, rcond=None)[0]
+            by_a, by_b = 1.0 / a - float((w * half) @ x), float((w * half).sum())
+            h_aa, h_ab, h_bb = 1.0 / a**2 + curve @ x**2, -curve @ x, curve.sum()
+            determinant = float(h_aa * h_bb - h_ab**2)
+            if determinant <= 0.0:
+                break
+            step_a = float(h_bb * by_a - h_ab * by_b) / determinant
+            step_b = float(h_aa * by_b - h_ab * by_a) / determinant
             for _ in range(NEWTON_STEPS):
-                tried = a + step[0], b + step[1]
+                tried = a + step_a, b + step_b
                 likelihood = _logistic_likelihood(x, w, *tried)
                 if likelihood >= best:
                     break
-                step = 0.5 * step
+                step_a, step_b = 0.5 * step_a, 0.5 * step_b
             else:
                 break
             gained, best, (a, b) = likelihood - best, likelihood, tried
@@ -310,7 +318,7 @@ class Gamma(_Named):
         total = weight.sum()
         if total <= 0.0:
             return self
-        from scipy.special import digamma, polygamma
+        from scipy.special import digamma, zeta
 
         floor = least_scale(y, smallest)
         mean = max(float(weight @ y / total), floor)
@@ -319,7 +327,8 @@ class Gamma(_Named):
         shape = min(max(0.5 / gap, SHAPES[0]), SHAPES[1])
         for _ in range(NEWTON_STEPS):
             before = shape
-            slope = shape**2 * (1.0 / shape - float(polygamma(1, shape)))
+            # zeta(2, .) is the derivative of the digamma function.
+            slope = shape**2 * (1.0 / shape - float(zeta(2.0, shape)))
             inverse = 1.0 / shape + (math.log(shape) - gap - float(digamma(shape))) / slope
             shape = SHAPES[1] if inverse <= 0.0 else min(max(1.0 / inverse, SHAPES[0]), SHAPES[1])
             if abs(shape - before) <= 1e-10 * before:
