@@ -10,6 +10,7 @@ from hmrf_icp.errors import (
     MissingDependencyError,
     RegistrationWarning,
 )
+from hmrf_icp.evidence import Verdict
 from hmrf_icp.icp import Criteria, Iteration, Method
 from hmrf_icp.registration import register
 from hmrf_icp.result import RegistrationResult
@@ -28,6 +29,7 @@ __all__ = [
     "PointCloud",
     "RegistrationResult",
     "RegistrationWarning",
+    "Verdict",
     "presets",
     "register",
 ]

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Callable, Mapping
 from dataclasses import dataclass
+from typing import Protocol, runtime_checkable
 
 import numpy as np
 from numpy.typing import NDArray
@@ -12,6 +13,7 @@ from hmrf_icp import se3
 from hmrf_icp.align import Align, Aligner, Step
 from hmrf_icp.cloud import PointCloud
 from hmrf_icp.errors import InputError
+from hmrf_icp.evidence import Verdict
 from hmrf_icp.match import Match, Matcher, Matches
 from hmrf_icp.reject import Labels, Reject, Rejector
 
@@ -66,6 +68,52 @@ class Method:
     align: Aligner
     criteria: Criteria
 
+    def run(
+        self,
+        source: PointCloud,
+        target: PointCloud,
+        init: Array,
+        on_iteration: Callable[[Iteration], None] | None = None,
+    ) -> Outcome:
+        """Run Algorithm 1 with these parts."""
+        return icp(source, target, init, self, on_iteration)
+
+    def with_parts(
+        self,
+        reject: Rejector | None = None,
+        align: Aligner | None = None,
+        criteria: Criteria | None = None,
+    ) -> Method:
+        """Return this method with some of its parts replaced."""
+        return Method(
+            self.match,
+            self.reject if reject is None else reject,
+            self.align if align is None else align,
+            self.criteria if criteria is None else criteria,
+        )
+
+
+@runtime_checkable
+class Registrar(Protocol):
+    """Anything that registers: Algorithm 1 alone, or something round it."""
+
+    def run(
+        self,
+        source: PointCloud,
+        target: PointCloud,
+        init: Array,
+        on_iteration: Callable[[Iteration], None] | None = None,
+    ) -> Outcome:
+        """Register from ``init`` (4, 4)."""
+
+    def with_parts(
+        self,
+        reject: Rejector | None = None,
+        align: Aligner | None = None,
+        criteria: Criteria | None = None,
+    ) -> Registrar:
+        """Return the same with some of its parts replaced."""
+
 
 @dataclass(frozen=True)
 class Iteration:
@@ -101,6 +149,9 @@ class Outcome:
     """Where the loop ended: the motion, the last matches and labels, and how it got there.
 
     ``last`` is the last :class:`~hmrf_icp.align.Step` taken; None where there was none.
+    ``stuck`` says that it ended because the inliers did not determine a motion.
+    ``verdict`` is what both sensors say of the pose, and ``confidence`` what
+    that is worth; None where the method did not ask.
     """
 
     transformation: Array
@@ -110,6 +161,9 @@ class Outcome:
     em_iterations: int
     last: Step | None
     history: tuple[Iteration, ...]
+    stuck: bool = False
+    verdict: Verdict | None = None
+    confidence: float | None = None
 
 
 def icp(
@@ -145,11 +199,12 @@ def icp(
 
     history: list[Iteration] = []
     last: Step | None = None
-    converged = False
+    converged = stuck = False
     while not converged and len(history) < method.criteria.max_iterations:
         labels = reject(matches, labels)
         em_iterations += labels.em_iterations
         step = align(moved, matches, labels)
+        stuck = step is None
         if step is None:
             break
         last = step
@@ -171,7 +226,9 @@ def icp(
         converged = method.criteria.met(step.motion)
         if on_iteration is not None:
             on_iteration(history[-1])
-    return Outcome(transformation, matches, labels, converged, em_iterations, last, tuple(history))
+    return Outcome(
+        transformation, matches, labels, converged, em_iterations, last, tuple(history), stuck
+    )
 
 
 def rms(distance: Array) -> float:

@@ -5,20 +5,25 @@ from __future__ import annotations
 from collections.abc import Callable
 
 from hmrf_icp.align import Aligner, PointToPoint
+from hmrf_icp.coarse_to_fine import CoarseToFine
 from hmrf_icp.errors import InputError
 from hmrf_icp.field import HiddenMarkovRandomField
-from hmrf_icp.icp import Criteria, Method
+from hmrf_icp.icp import Criteria, Method, Registrar
 from hmrf_icp.markov_field import MarkovField
 from hmrf_icp.match import NearestNeighbour
 from hmrf_icp.metrics import PlaneToPlane, PointToPlane, Symmetric
 from hmrf_icp.reject import X84, Dynamic, KeepAll, KeepPercent, KeepSigma, Rejector
+from hmrf_icp.seen import Seen
 
 DEFAULT = "paper"
 
 PAPER = Method(NearestNeighbour(), HiddenMarkovRandomField(), PointToPoint(), Criteria())
 """HMRF-ICP as published (Stechschulte and Heckman 2017, Algorithm 1)."""
 
-_METHODS: dict[str, Method] = {"paper": PAPER}
+ROBUST = CoarseToFine(Seen(), MarkovField(), PlaneToPlane())
+"""The default: no threshold, many starts, what the sensors saw as evidence."""
+
+_METHODS: dict[str, Registrar] = {"robust": ROBUST, "paper": PAPER}
 
 _REJECTORS: dict[str, Callable[[], Rejector]] = {
     "hmrf": HiddenMarkovRandomField,
@@ -53,7 +58,7 @@ def aligner_names() -> tuple[str, ...]:
     return tuple(_ALIGNERS)
 
 
-def preset(name: str) -> Method:
+def preset(name: str) -> Registrar:
     """Look a method up by name.
 
     Raises

@@ -5,7 +5,6 @@ from __future__ import annotations
 import time
 import warnings
 from collections.abc import Callable
-from dataclasses import replace
 from typing import Any
 
 import numpy as np
@@ -16,7 +15,7 @@ from hmrf_icp.align import Aligner
 from hmrf_icp.cloud import PointCloud, as_cloud, require_registrable
 from hmrf_icp.degeneracy import FreeMotion
 from hmrf_icp.errors import RegistrationWarning
-from hmrf_icp.icp import Criteria, Iteration, Method, Outcome, icp, rms
+from hmrf_icp.icp import Criteria, Iteration, Outcome, Registrar, rms
 from hmrf_icp.reject import Rejector
 from hmrf_icp.result import RegistrationResult
 
@@ -28,7 +27,7 @@ def register(
     source: Any,
     target: Any,
     init: ArrayLike | None = None,
-    preset: str | Method = presets.DEFAULT,
+    preset: str | Registrar = presets.DEFAULT,
     *,
     rejector: str | Rejector | None = None,
     aligner: str | Aligner | None = None,
@@ -78,19 +77,14 @@ def register(
     start = se3.as_rigid(init, "init")
     warn_of_units(source, target)
 
-    method = preset if isinstance(preset, Method) else presets.preset(preset)
-    if rejector is not None:
-        chosen = presets.rejector(rejector) if isinstance(rejector, str) else rejector
-        method = replace(method, reject=chosen)
-    if aligner is not None:
-        metric = presets.aligner(aligner) if isinstance(aligner, str) else aligner
-        method = replace(method, align=metric)
-    if criteria is not None:
-        method = replace(method, criteria=criteria)
-
-    outcome = icp(source, target, start, method, on_iteration)
+    method = (presets.preset(preset) if isinstance(preset, str) else preset).with_parts(
+        reject=presets.rejector(rejector) if isinstance(rejector, str) else rejector,
+        align=presets.aligner(aligner) if isinstance(aligner, str) else aligner,
+        criteria=criteria,
+    )
+    outcome = method.run(source, target, start, on_iteration)
     inlier = outcome.labels.inlier
-    if not outcome.converged and len(outcome.history) < method.criteria.max_iterations:
+    if outcome.stuck:
         warnings.warn(
             f"stopped after {len(outcome.history)} iterations: {np.count_nonzero(inlier)} inliers "
             f"among {inlier.size} points do not determine a motion; is the start too far off?",
@@ -110,6 +104,8 @@ def register(
         history=outcome.history,
         information=None if outcome.last is None else outcome.last.information,
         degenerate=free_motions(outcome),
+        confidence=outcome.confidence,
+        verdict=outcome.verdict,
     )
 
 

@@ -8,6 +8,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from hmrf_icp.degeneracy import FreeMotion
+from hmrf_icp.evidence import Verdict
 from hmrf_icp.icp import Iteration
 
 
@@ -47,6 +48,11 @@ class RegistrationResult:
         slide on each other, such as the three of a bare wall: the motion along
         it is that of ``init``. Empty where there is none, and where the metric
         does not look (point-to-point).
+    confidence
+        Probability in [0, 1] that the registration is right, from what both
+        sensors saw of it; None for a method that does not ask (``"paper"``).
+    verdict
+        What they saw, a :class:`hmrf_icp.Verdict`; None likewise.
     """
 
     transformation: NDArray[np.float64]
@@ -61,6 +67,8 @@ class RegistrationResult:
     history: tuple[Iteration, ...]
     information: NDArray[np.float64] | None = None
     degenerate: tuple[FreeMotion, ...] = ()
+    confidence: float | None = None
+    verdict: Verdict | None = None
 
     def __repr__(self) -> str:
         state = "converged" if self.converged else "did not converge"

@@ -42,13 +42,39 @@ class View:
         (H, W) the point that was seen, -1 for none.
     tolerance
         (H, W) metres within which a depth agrees with the one that was seen:
-        the noise, and how far the surface recedes over half a pixel.
+        the noise, and how far the surface recedes over a pixel.
+    facing
+        (M, 3) normals of the points that were seen.
     """
 
     projection: Array
     depth: Array
     row: NDArray[np.int32]
     tolerance: Array
+    facing: Array
+
+    def ask(self, points: Array, normals: Array, pose: Array) -> NDArray[np.uint8]:
+        """Ask what the sensor saw of points (M, 3) that ``pose`` (4, 4) moves into its frame.
+
+        Returns
+        -------
+        (M,) verdicts of :mod:`hmrf_icp.kernels.view`.
+        """
+        from hmrf_icp.kernels.view import classify
+
+        verdict = np.empty(len(points), dtype=np.uint8)
+        classify(
+            points,
+            normals,
+            pose,
+            self.projection,
+            self.depth,
+            self.row,
+            self.tolerance,
+            self.facing,
+            verdict,
+        )
+        return verdict
 
 
 _VIEWS: weakref.WeakKeyDictionary[PointCloud, View] = weakref.WeakKeyDictionary()
@@ -82,6 +108,7 @@ def _pinhole(cloud: PointCloud) -> View:
         depth=cloud.points[..., 2],
         row=row,
         tolerance=cloud.on_grid(tolerance),
+        facing=surface.normals,
     )
 
 
@@ -125,7 +152,7 @@ def _sphere(cloud: PointCloud) -> View:
     projection[:5] = (SPHERE, per_radian, per_radian, 0.5 * width - 0.5, -low * per_radian)
     projection[5:8] = cloud.viewpoint
     projection[8:17] = axes.ravel()
-    return View(projection, depth, row, tolerance)
+    return View(projection, depth, row, tolerance, surface.normals)
 
 
 def _tolerance(surface: Surface, viewpoint: Array, footprint: Array) -> Array:

@@ -58,13 +58,11 @@ def classify(
     row: Any,
     tolerance: Any,
     facing: Any,
-    slack: float,
     verdict: Any,
 ) -> None:
     """Write what a view says of each point (M, 3), moved by pose (4, 4) into its frame.
 
-    ``facing`` are the normals of the points that the view shows; ``slack``
-    widens its tolerance. A point agrees with the pixel it falls on or one of
+    ``facing`` are the normals of the points that the view shows. A point agrees with the pixel it falls on or one of
     the eight around it; it is in front, or behind, only of all of them.
     """
     height, width = depth.shape
@@ -91,7 +89,7 @@ def classify(
                 m = row[a, b]
                 if m < 0:
                     continue
-                seen, band = depth[a, b], tolerance[a, b] * slack
+                seen, band = depth[a, b], tolerance[a, b]
                 near = min(near, seen - band)
                 far = max(far, seen + band)
                 if abs(reach - seen) < band:

@@ -1,0 +1,151 @@
+"""The default: many candidates on few points, the likeliest refined by the field, and judged.
+
+Algorithm 1 finds the nearest optimum, and knows no better. Here it has the last
+word only: a lattice of turns of the start is registered quickly on a coarse
+level, each end is held against what both sensors saw, the best are registered
+again on a finer level, and the few that free space contradicts least go through
+match, reject and align with everything that is known.
+"""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Callable
+from dataclasses import dataclass, replace
+
+import numpy as np
+from numpy.typing import NDArray
+
+from hmrf_icp import se3
+from hmrf_icp.align import Aligner
+from hmrf_icp.cloud import PointCloud
+from hmrf_icp.confidence import confidence
+from hmrf_icp.evidence import Judge
+from hmrf_icp.icp import Criteria, Iteration, Method, Outcome, icp
+from hmrf_icp.match import Matcher
+from hmrf_icp.reject import Rejector
+from hmrf_icp.resolution import Reduced, reduced
+from hmrf_icp.starts import Annealer, Level, distinct, turned
+from hmrf_icp.surface import Surface, surface_of
+
+Array = NDArray[np.float64]
+
+ASKED_EARLY, ASKED_LATE = 1000, 4000
+"""Points of each cloud that are held against the other's view: of many poses, and of the last."""
+
+
+SMALL = 1e-4
+"""A step (rad, and share of the target's size) after which the next is not worth it."""
+
+MOST_ITERATIONS = 30
+
+
+@dataclass(frozen=True)
+class CoarseToFine:
+    """Candidates from a lattice of turns, judged by what the sensors saw, refined by the field.
+
+    Every length is a share of the target's size, of its noise or of its spacing:
+    a scene ten times as large is registered in the same way.
+
+    Parameters
+    ----------
+    match, reject, align
+        The parts of Algorithm 1 that the last candidates go through.
+    criteria
+        When that stops; None for steps below 1e-4 rad and 1e-4 of the target's size.
+    turn, apart
+        How far the start is turned, and the edge of the lattice of turns, radians.
+    coarse, middle
+        How the candidates are registered before that.
+    kept, finalists
+        Candidates that go on to the middle level, and to Algorithm 1.
+    points
+        Points of each cloud that Algorithm 1 sees at most; clouds of more are
+        thinned out, and their labels filled in from the points that were kept.
+    """
+
+    match: Matcher
+    reject: Rejector
+    align: Aligner
+    criteria: Criteria | None = None
+    turn: float = math.radians(40.0)
+    apart: float = math.radians(20.0)
+    coarse: Level = Level(600, 2500, 40, 8, (0.15, 0.08, 0.04, 0.02), 4)
+    middle: Level = Level(1500, 6000, 56, 3, (0.04, 0.03, 0.02, 0.015), 4)
+    kept: int = 20
+    finalists: int = 2
+    points: int = 20_000
+
+    def run(
+        self,
+        source: PointCloud,
+        target: PointCloud,
+        init: Array,
+        on_iteration: Callable[[Iteration], None] | None = None,
+    ) -> Outcome:
+        """Register; see :func:`hmrf_icp.register`."""
+        few, onto = reduced(source, self.points), reduced(target, self.points)
+        judge = Judge(few.cloud, onto.cloud, ASKED_LATE)
+        surface = surface_of(onto.cloud)
+        candidates = self.candidates(few.cloud, onto.cloud, init)
+
+        criteria = self.criteria or Criteria(SMALL * surface.size, SMALL, MOST_ITERATIONS)
+        refine = Method(self.match, self.reject, self.align, criteria)
+        best: Outcome | None = None
+        worth = -1.0
+        for pose in candidates:
+            outcome = icp(few.cloud, onto.cloud, pose, refine, on_iteration)
+            verdict = judge(outcome.transformation)
+            if best is None or verdict.score > worth:
+                best = replace(outcome, verdict=verdict, confidence=confidence(verdict))
+                worth = verdict.score
+        assert best is not None
+        return spread(best, few)
+
+    def with_parts(
+        self,
+        reject: Rejector | None = None,
+        align: Aligner | None = None,
+        criteria: Criteria | None = None,
+    ) -> CoarseToFine:
+        """Return the same with some of the parts of Algorithm 1 replaced."""
+        return replace(
+            self,
+            reject=self.reject if reject is None else reject,
+            align=self.align if align is None else align,
+            criteria=self.criteria if criteria is None else criteria,
+        )
+
+    def candidates(self, source: PointCloud, target: PointCloud, init: Array) -> Array:
+        """Poses (K, 4, 4) worth refining, the likeliest first."""
+        mine, theirs = surface_of(source), surface_of(target)
+        judge = Judge(source, target, ASKED_EARLY)
+        near = 0.03 * theirs.size
+
+        starts = turned(init, se3.transform(init, centre(mine)), self.turn, self.apart)
+        poses = Annealer(mine, theirs, self.coarse)(starts)
+        worth = np.array([judge(pose).balance for pose in poses])
+        poses = poses[distinct(poses, worth, self.kept, 0.05, near)]
+
+        poses = Annealer(mine, theirs, self.middle)(poses)
+        worth = np.array([judge(pose).score for pose in poses])
+        return np.asarray(poses[distinct(poses, worth, self.finalists, 0.01, 0.01 * theirs.size)])
+
+
+def centre(surface: Surface) -> Array:
+    """Centre (3,) of a surface, each point by its area."""
+    return np.asarray(surface.area @ surface.points / surface.area.sum())
+
+
+def spread(outcome: Outcome, few: Reduced) -> Outcome:
+    """Give every source point the label and the match of the one that stood for it."""
+    if few.standing is None:
+        return outcome
+    labels = replace(outcome.labels, z=outcome.labels.z[few.standing])
+    matches = replace(
+        outcome.matches,
+        index=outcome.matches.index[few.standing],
+        distance=outcome.matches.distance[few.standing],
+        evidence=None,
+    )
+    return replace(outcome, labels=labels, matches=matches)

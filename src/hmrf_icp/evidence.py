@@ -1,0 +1,135 @@
+"""Evidence for or against a whole pose: what each sensor saw, held against the other's points."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import NDArray
+
+from hmrf_icp import se3
+from hmrf_icp.cloud import PointCloud
+from hmrf_icp.surface import Surface, surface_of
+from hmrf_icp.view import view_of
+
+Array = NDArray[np.float64]
+
+VIOLATION = 5.0
+"""How many agreeing points one point in free space outweighs.
+
+Nothing can stand where a sensor looked through: at a right pose such points are
+the few that noise and mixed pixels make.
+"""
+
+ROUGH_VIOLATION = 2.0
+"""The same on the coarse level, where a right pose is still off by several bands."""
+
+DOUBT = 0.01
+"""Agreement that comes for nothing, as a share of the points asked: chance, not evidence."""
+
+
+@dataclass(frozen=True, eq=False)
+class Witness:
+    """Some points of a cloud, evenly over its surface, to be held against the other's view."""
+
+    points: Array
+    normals: Array
+
+    @classmethod
+    def of(cls, surface: Surface, count: int) -> Witness:
+        """Choose about ``count`` points that each stand for the same area."""
+        rows = evenly(surface, count)
+        return cls(surface.points[rows], surface.normals[rows])
+
+
+@dataclass(frozen=True)
+class Verdict:
+    """How many points of both clouds agree with, contradict, or escape the other's view.
+
+    Attributes
+    ----------
+    agree
+        On a surface that was seen there, facing the same way.
+    front
+        In space that was seen to be empty.
+    behind
+        Hidden behind what was seen: no evidence.
+    outside
+        Where the sensor did not look, or saw nothing: no evidence.
+    other
+        At the depth of a surface that faces another way.
+    asked
+        All of them.
+    """
+
+    agree: int
+    front: int
+    behind: int
+    outside: int
+    other: int
+
+    @property
+    def asked(self) -> int:
+        """Number of points that were held against a view."""
+        return self.agree + self.front + self.behind + self.outside + self.other
+
+    @property
+    def score(self) -> float:
+        """Evidence for the pose in [0, 1): agreement against free space violated."""
+        asked = max(self.asked, 1)
+        return self.agree / (self.agree + VIOLATION * self.front + DOUBT * asked)
+
+    @property
+    def balance(self) -> float:
+        """Agreement less violations: ranks poses too rough for :attr:`score` to be fair to."""
+        return float(self.agree - ROUGH_VIOLATION * self.front)
+
+
+def evenly(surface: Surface, count: int) -> NDArray[np.intp]:
+    """Rows of about ``count`` points with normals that each stand for the same area.
+
+    Every time the area summed along the cloud passes another share, the point
+    is taken: no chance is involved, and near surfaces count no more than far ones.
+    """
+    rows = np.flatnonzero((surface.normals != 0.0).any(axis=1))
+    if len(rows) <= count:
+        return rows
+    # A few points that stand for far more than their share would be taken once only.
+    area = np.minimum(surface.area[rows], 20.0 * np.median(surface.area[rows]))
+    passed = np.floor(np.cumsum(area) * (count / area.sum()))
+    return rows[np.diff(passed, prepend=0.0) > 0]
+
+
+class Judge:
+    """Hold poses of one pair of clouds against what both sensors saw.
+
+    Parameters
+    ----------
+    source, target
+        The clouds.
+    count
+        Points of each that are asked.
+    """
+
+    def __init__(self, source: PointCloud, target: PointCloud, count: int) -> None:
+        self._of_source = Witness.of(surface_of(source), count)
+        self._of_target = Witness.of(surface_of(target), count)
+        self._by_source = view_of(source)
+        self._by_target = view_of(target)
+
+    @property
+    def sees(self) -> bool:
+        """Whether a view is known of either cloud."""
+        return self._by_source is not None or self._by_target is not None
+
+    def __call__(self, pose: Array) -> Verdict:
+        """Ask about one pose (4, 4), source to target."""
+        counts = np.zeros(5, dtype=np.int64)
+        for witness, view, motion in (
+            (self._of_source, self._by_target, pose),
+            (self._of_target, self._by_source, se3.inverse(pose)),
+        ):
+            if view is not None:
+                verdict = view.ask(witness.points, witness.normals, motion)
+                counts += np.bincount(verdict, minlength=5)
+        return Verdict(*(int(n) for n in counts))

@@ -1,0 +1,69 @@
+"""Fewer points that stand for all."""
+
+from __future__ import annotations
+
+import math
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import NDArray
+
+from hmrf_icp.cloud import PointCloud
+from hmrf_icp.surface import thinned
+
+
+@dataclass(frozen=True, eq=False)
+class Reduced:
+    """A cloud thinned out.
+
+    Attributes
+    ----------
+    cloud
+        What is left.
+    standing
+        (M,) for each observed point of the whole cloud, the row of the point
+        that stands for it among the observed ones left; None where all are left.
+    """
+
+    cloud: PointCloud
+    standing: NDArray[np.intp] | None
+
+
+def reduced(cloud: PointCloud, most: int) -> Reduced:
+    """Thin a cloud out to about ``most`` points.
+
+    An organised cloud keeps every n-th row and column, so that it stays one;
+    any other keeps one point of every cell of a grid of cubes, so that what is
+    dense is thinned first.
+    """
+    if cloud.organised:
+        step = math.ceil(math.sqrt(math.prod(cloud.shape) / most))
+        if step <= 1:
+            return Reduced(cloud, None)
+        few = cloud.subsample(step)
+    else:
+        if len(cloud) <= most:
+            return Reduced(cloud, None)
+        rows = thinned(cloud.observed_points, _edge(cloud.observed_points, most))
+        few = PointCloud(cloud.observed_points[rows], None, cloud.viewpoint)
+    return Reduced(few, _standing(cloud, few))
+
+
+def _edge(points: NDArray[np.float64], most: int) -> float:
+    """Edge of the cells that leave about ``most`` points, by bisection, metres."""
+    low, high = 0.0, float(np.ptp(points, axis=0).max())
+    for _ in range(12):
+        middle = 0.5 * (low + high) if low > 0.0 else 0.1 * high
+        if len(thinned(points, middle)) > most:
+            low = middle
+        else:
+            high = middle
+    return high
+
+
+def _standing(cloud: PointCloud, few: PointCloud) -> NDArray[np.intp]:
+    """Row of the nearest kept point for each observed point."""
+    from pykdtree.kdtree import KDTree
+
+    _, index = KDTree(few.observed_points).query(cloud.observed_points)
+    return np.asarray(index.astype(np.intp))

@@ -1,0 +1,56 @@
+"""Match, with what the target's sensor saw as evidence on every label."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass, field, replace
+
+import numpy as np
+from numpy.typing import NDArray
+
+from hmrf_icp.align import best_motion
+from hmrf_icp.cloud import PointCloud
+from hmrf_icp.match import Match, Matcher, Matches, NearestNeighbour
+from hmrf_icp.metrics import corners
+from hmrf_icp.surface import surface_of
+from hmrf_icp.view import view_of
+
+
+@dataclass(frozen=True)
+class Seen:
+    """Matches, with what the target's sensor says of each point as evidence on its label.
+
+    A point in space that the sensor looked through, hidden behind what it saw,
+    or where it did not look, has no counterpart whatever its distance to the
+    closest point (Masuda and Yokoya 1995 name these classes). Without a
+    viewpoint there is no evidence, and nothing but the matches.
+
+    Parameters
+    ----------
+    match
+        Who is closest.
+    log_odds
+        Evidence for a counterpart of a point that agrees with the view, is in
+        front of it, behind it, outside of it, or on a surface that faces
+        another way (natural logarithm of odds).
+    """
+
+    match: Matcher = field(default_factory=NearestNeighbour)
+    log_odds: tuple[float, float, float, float, float] = (2.0, -4.0, -2.0, -2.0, -2.0)
+
+    def prepare(self, source: PointCloud, target: PointCloud) -> Match:
+        """Look up what the target's sensor saw."""
+        match = self.match.prepare(source, target)
+        view = view_of(target)
+        if view is None:
+            return match
+        surface = surface_of(source)
+        three = corners(surface.points)
+        log_odds = np.array(self.log_odds)
+
+        def seen(moved: NDArray[np.float64]) -> Matches:
+            # The motion so far, from three points: all of them were moved by one.
+            pose = best_motion(surface.points[three], moved[three])
+            verdict = view.ask(surface.points, surface.normals, pose)
+            return replace(match(moved), evidence=log_odds[verdict])
+
+        return seen

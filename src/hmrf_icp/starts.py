@@ -1,0 +1,131 @@
+"""Candidates: many starts, each registered quickly on a few points of both clouds."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import NDArray
+
+from hmrf_icp import se3
+from hmrf_icp.evidence import evenly
+from hmrf_icp.surface import Surface
+
+Array = NDArray[np.float64]
+
+
+@dataclass(frozen=True)
+class Level:
+    """How finely the candidates of one level are registered.
+
+    Parameters
+    ----------
+    source_points, target_points
+        Points of each cloud that take part.
+    cells
+        Cells of the table along the target's longest side.
+    margin
+        Cells of the table beyond the target on every side.
+    scales
+        Distances at which a match counts for less, falling, as shares of the
+        target's size (root mean square distance from its centre).
+    steps
+        Iterations at each scale.
+    """
+
+    source_points: int
+    target_points: int
+    cells: int
+    margin: int
+    scales: tuple[float, ...]
+    steps: int
+
+
+class Annealer:
+    """Register one pair of surfaces on one level, from any number of starts."""
+
+    def __init__(self, source: Surface, target: Surface, level: Level) -> None:
+        from hmrf_icp.kernels import table
+
+        mine, theirs = evenly(source, level.source_points), evenly(target, level.target_points)
+        self._points, self._normals = source.points[mine], source.normals[mine]
+        self._onto, self._onto_normals = target.points[theirs], target.normals[theirs]
+        self._boundary = target.boundary[theirs]
+        self._signed = source.oriented and target.oriented
+        low, high = self._onto.min(axis=0), self._onto.max(axis=0)
+        self._edge = float((high - low).max()) / level.cells
+        self._corner = low - level.margin * self._edge
+        shape = np.ceil((high - low) / self._edge + 2 * level.margin).astype(np.int64)
+        self._table = table.build(
+            self._onto, self._corner, self._edge, tuple(int(n) for n in np.maximum(shape, 1))
+        )
+        self._scales = np.array(level.scales) * target.size
+        self._steps = level.steps
+
+    def __call__(self, poses: Array) -> Array:
+        """Return where the starts (K, 4, 4) end."""
+        from hmrf_icp.kernels.annealed import anneal
+
+        ends = np.array(poses, dtype=np.float64)
+        anneal(
+            self._points,
+            self._normals,
+            self._onto,
+            self._onto_normals,
+            self._boundary,
+            self._signed,
+            self._table,
+            self._corner,
+            self._edge,
+            self._scales,
+            self._steps,
+            0.02,
+            ends,
+        )
+        return ends
+
+
+def turned(start: Array, centre: Array, most: float, apart: float) -> Array:
+    """Return ``start`` turned every way about ``centre``, itself first: (K, 4, 4).
+
+    Parameters
+    ----------
+    start
+        (4, 4).
+    centre
+        (3,) point of the source, in the target's frame, that stays where it is.
+    most
+        Largest turn, radians.
+    apart
+        Edge of the cubes of the body-centred lattice of rotation vectors, radians.
+    """
+    steps = int(np.ceil(most / apart))
+    line = np.arange(-steps, steps + 1) * apart
+    corners = np.stack(np.meshgrid(line, line, line), axis=-1).reshape(-1, 3)
+    vectors = np.concatenate([corners, corners + 0.5 * apart])
+    length = np.linalg.norm(vectors, axis=1)
+    vectors = vectors[length <= most + 1e-9]
+    vectors = vectors[np.argsort(np.linalg.norm(vectors, axis=1), kind="stable")]
+    motions = []
+    for vector in vectors:
+        rotation = se3.rotation_exp(vector)
+        motions.append(se3.rigid(rotation, centre - rotation @ centre) @ start)
+    return np.array(motions)
+
+
+def distinct(poses: Array, worth: Array, most: int, angle: float, shift: float) -> list[int]:
+    """Choose the worthiest poses, no two within ``angle`` (rad) and ``shift`` (m): their indices."""
+    kept: list[int] = []
+    for i in np.argsort(-worth, kind="stable"):
+        for j in kept:
+            between = se3.inverse(poses[j]) @ poses[i]
+            if (
+                se3.rotation_angle(between) < angle
+                and float(np.linalg.norm(poses[i][:3, 3] - poses[j][:3, 3])) < shift
+            ):
+                break
+        else:
+            kept.append(int(i))
+            if len(kept) == most:
+                break
+    return kept
