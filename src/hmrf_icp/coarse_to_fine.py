@@ -34,10 +34,19 @@ ASKED_EARLY, ASKED_LATE = 1000, 4000
 """Points of each cloud that are held against the other's view: of many poses, and of the last."""
 
 
+COARSE = Level(600, 2500, 40, 8, (0.15, 0.08, 0.04, 0.02), 4)
+MIDDLE = Level(1500, 6000, 56, 3, (0.04, 0.03, 0.02, 0.015), 4)
+
 SMALL = 1e-4
 """A step (rad, and share of the target's size) after which the next is not worth it."""
 
 MOST_ITERATIONS = 30
+
+FEWER = 4
+"""The finalists are compared on this many times fewer source points than the winner has."""
+
+SHORT = 8
+"""Iterations for a finalist: the right one needs no more, and the others lead nowhere."""
 
 
 @dataclass(frozen=True)
@@ -70,10 +79,10 @@ class CoarseToFine:
     criteria: Criteria | None = None
     turn: float = math.radians(40.0)
     apart: float = math.radians(20.0)
-    coarse: Level = Level(600, 2500, 40, 8, (0.15, 0.08, 0.04, 0.02), 4)
-    middle: Level = Level(1500, 6000, 56, 3, (0.04, 0.03, 0.02, 0.015), 4)
+    coarse: Level = COARSE
+    middle: Level = MIDDLE
     kept: int = 20
-    finalists: int = 2
+    finalists: int = 3
     points: int = 20_000
 
     def run(
@@ -84,23 +93,31 @@ class CoarseToFine:
         on_iteration: Callable[[Iteration], None] | None = None,
     ) -> Outcome:
         """Register; see :func:`hmrf_icp.register`."""
-        few, onto = reduced(source, self.points), reduced(target, self.points)
-        judge = Judge(few.cloud, onto.cloud, ASKED_LATE)
-        surface = surface_of(onto.cloud)
-        candidates = self.candidates(few.cloud, onto.cloud, init)
+        many, onto = reduced(source, self.points), reduced(target, self.points)
+        few = reduced(many.cloud, self.points // FEWER)
+        judge = Judge(many.cloud, onto.cloud, ASKED_LATE)
+        size = surface_of(onto.cloud).size
+        criteria = self.criteria or Criteria(SMALL * size, SMALL, MOST_ITERATIONS)
+        method = Method(self.match, self.reject, self.align, criteria)
+        short = replace(
+            method, criteria=replace(criteria, max_iterations=min(SHORT, criteria.max_iterations))
+        )
 
-        criteria = self.criteria or Criteria(SMALL * surface.size, SMALL, MOST_ITERATIONS)
-        refine = Method(self.match, self.reject, self.align, criteria)
-        best: Outcome | None = None
-        worth = -1.0
-        for pose in candidates:
-            outcome = icp(few.cloud, onto.cloud, pose, refine, on_iteration)
-            verdict = judge(outcome.transformation)
-            if best is None or verdict.score > worth:
-                best = replace(outcome, verdict=verdict, confidence=confidence(verdict))
-                worth = verdict.score
-        assert best is not None
-        return spread(best, few)
+        rough = [
+            icp(few.cloud, onto.cloud, pose, short, on_iteration)
+            for pose in self.candidates(many.cloud, onto.cloud, init)
+        ]
+        likeliest = max(rough, key=lambda outcome: judge(outcome.transformation).score)
+        fine = icp(many.cloud, onto.cloud, likeliest.transformation, method, on_iteration)
+        verdict = judge(fine.transformation)
+        outcome = replace(
+            fine,
+            em_iterations=likeliest.em_iterations + fine.em_iterations,
+            history=likeliest.history + fine.history,
+            verdict=verdict,
+            confidence=confidence(verdict),
+        )
+        return spread(outcome, many)
 
     def with_parts(
         self,

@@ -29,8 +29,14 @@ Array = NDArray[np.float64]
 CHOOSING = (0, 1, 4, 16, 64)
 """Iterations at which residual distributions are chosen; each takes a fraction of a second."""
 
+PRIOR_SAMPLE = 5000
+"""About so many points, evenly chosen, tell what there is to learn of the prior."""
+
 SPACING_SAMPLE = 2000
 """Target points whose distance to the next one is measured for the scale floor."""
+
+EVIDENT = 30
+"""Points that the evidence must speak for at least to be the first inliers."""
 
 
 @dataclass(frozen=True)
@@ -61,7 +67,7 @@ class MarkovField:
         Prior share of inliers that the neighbours aside would leave: a number in
         (0, 1), 0.5 being the paper's none, or ``"learn"``.
     initial
-        Share of the points, the nearest, that start as inliers.
+        Share of the points, the nearest, that start as inliers where no evidence says which.
     first_steps, steps
         Most EM steps before the first motion, and within each ICP iteration.
     scale_floor
@@ -187,6 +193,16 @@ def spacing(points: Array, sample: int = SPACING_SAMPLE) -> float:
     return float(np.median(distance[:, 1]))
 
 
+def initial_labels(matches: Matches, share: float) -> Array:
+    """Return z^(0): the points that the evidence speaks for, or the nearest where there is none."""
+    if matches.evidence is not None:
+        spoken_for = matches.evidence > 0
+        if np.count_nonzero(spoken_for) >= EVIDENT:
+            return np.where(spoken_for, 1.0, -1.0)
+    y = matches.distance
+    return np.where(y <= np.percentile(y, 100.0 * share), 1.0, -1.0)
+
+
 class _Em:
     """EM for one pair of clouds.
 
@@ -205,7 +221,7 @@ class _Em:
         model, y = self._model, matches.distance
         if before is None:
             iteration, steps = 0, model.first_steps
-            z = np.where(y <= np.percentile(y, 100.0 * model.initial), 1.0, -1.0)
+            z = initial_labels(matches, model.initial)
         else:
             iteration, steps = int(before.parameters.get("iteration", 0.0)) + 1, model.steps
             z = before.z
@@ -261,9 +277,10 @@ class _Em:
         learn_beta, learn_share = self._model.beta == "estimate", self._model.share == "learn"
         if not (learn_beta or learn_share):
             return prior
+        some = slice(None, None, max(1, z.size // PRIOR_SAMPLE))
         return most_likely(
-            z,
-            self._neighbours.sums(z),
+            z[some],
+            self._neighbours.sums(z)[some],
             prior,
             learn_beta=learn_beta,
             learn_share=learn_share,

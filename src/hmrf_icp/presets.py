@@ -15,12 +15,14 @@ from hmrf_icp.metrics import PlaneToPlane, PointToPlane, Symmetric
 from hmrf_icp.reject import X84, Dynamic, KeepAll, KeepPercent, KeepSigma, Rejector
 from hmrf_icp.seen import Seen
 
-DEFAULT = "paper"
+DEFAULT = "robust"
 
 PAPER = Method(NearestNeighbour(), HiddenMarkovRandomField(), PointToPoint(), Criteria())
 """HMRF-ICP as published (Stechschulte and Heckman 2017, Algorithm 1)."""
 
-ROBUST = CoarseToFine(Seen(), MarkovField(), PlaneToPlane())
+ROBUST = CoarseToFine(
+    Seen(), MarkovField(beta=2.0, share=0.5, first_steps=20, steps=5), Symmetric()
+)
 """The default: no threshold, many starts, what the sensors saw as evidence."""
 
 _METHODS: dict[str, Registrar] = {"robust": ROBUST, "paper": PAPER}

@@ -41,12 +41,12 @@ def reduced(cloud: PointCloud, most: int) -> Reduced:
         if step <= 1:
             return Reduced(cloud, None)
         few = cloud.subsample(step)
-    else:
-        if len(cloud) <= most:
-            return Reduced(cloud, None)
-        rows = thinned(cloud.observed_points, _edge(cloud.observed_points, most))
-        few = PointCloud(cloud.observed_points[rows], None, cloud.viewpoint)
-    return Reduced(few, _standing(cloud, few))
+        return Reduced(few, _standing_in_image(cloud, few, step))
+    if len(cloud) <= most:
+        return Reduced(cloud, None)
+    rows = thinned(cloud.observed_points, _edge(cloud.observed_points, most))
+    few = PointCloud(cloud.observed_points[rows], None, cloud.viewpoint)
+    return Reduced(few, _standing(cloud.observed_points, few))
 
 
 def _edge(points: NDArray[np.float64], most: int) -> float:
@@ -61,9 +61,22 @@ def _edge(points: NDArray[np.float64], most: int) -> float:
     return high
 
 
-def _standing(cloud: PointCloud, few: PointCloud) -> NDArray[np.intp]:
-    """Row of the nearest kept point for each observed point."""
+def _standing(points: NDArray[np.float64], few: PointCloud) -> NDArray[np.intp]:
+    """Row of the nearest kept point for each of the points (M, 3)."""
     from pykdtree.kdtree import KDTree
 
-    _, index = KDTree(few.observed_points).query(cloud.observed_points)
+    _, index = KDTree(few.observed_points).query(points)
     return np.asarray(index.astype(np.intp))
+
+
+def _standing_in_image(cloud: PointCloud, few: PointCloud, step: int) -> NDArray[np.intp]:
+    """Row of the kept pixel of the same block; of the nearest point where that saw nothing."""
+    place = np.full(few.shape, -1, dtype=np.intp)
+    place[few.observed] = np.arange(len(few))
+    height, width = cloud.shape
+    blocks = place[np.ix_(np.arange(height) // step, np.arange(width) // step)]
+    standing = blocks[cloud.observed]
+    lost = standing < 0
+    if lost.any():
+        standing[lost] = _standing(cloud.observed_points[lost], few)
+    return standing

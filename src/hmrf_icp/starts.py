@@ -114,7 +114,7 @@ def turned(start: Array, centre: Array, most: float, apart: float) -> Array:
 
 
 def distinct(poses: Array, worth: Array, most: int, angle: float, shift: float) -> list[int]:
-    """Choose the worthiest poses, no two within ``angle`` (rad) and ``shift`` (m): their indices."""
+    """Choose the worthiest poses, no two within ``angle`` (rad) and ``shift`` (m)."""
     kept: list[int] = []
     for i in np.argsort(-worth, kind="stable"):
         for j in kept:
