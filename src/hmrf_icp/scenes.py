@@ -144,6 +144,7 @@ def desk() -> Scene:
         _rod((-0.60, 0.26, top), (-0.60, 0.26, top + 0.06), 0.012),
         Sphere(_at(-0.60, 0.26, top + 0.19), 0.125),
         Torus(_at(-0.60, 0.26, top + 0.19, 25.0, 67.0), 0.145, 0.007),
+        Frustum(_at(-0.10, 0.30, 0.0), 0.11, 0.14, 0.33, closed_top=False),  # a bin under it
         Frustum(_at(-0.45, -0.10, top), 0.035, 0.040, 0.11, closed_top=False),  # pencils
         _rod((-0.46, -0.10, top + 0.01), (-0.49, -0.12, top + 0.17), 0.004),
         _rod((-0.44, -0.09, top + 0.01), (-0.41, -0.08, top + 0.16), 0.004),
@@ -196,22 +197,18 @@ def _shelf() -> list[Primitive]:
 
 
 def _corner() -> list[Primitive]:
-    """Fill the corner right of the shelf: cupboard, boxes, plant, bin and stool."""
+    """Fill the corner right of the shelf: a cupboard, boxes, a plant."""
     return [
         _standing(2.50, -0.55, 0.0, (0.50, 0.90, 1.10)),  # a cupboard along the right wall
         _standing(2.24, -0.79, 0.06, (0.02, 0.40, 0.98)),
         _standing(2.24, -0.33, 0.06, (0.02, 0.40, 0.98)),
         _rod((2.21, -0.57, 0.55), (2.21, -0.57, 0.72), 0.009),
         _standing(2.48, -0.60, 1.10, (0.30, 0.40, 0.22), 20.0),
-        _standing(2.12, 0.30, 0.0, (0.42, 0.36, 0.34), 17.0),
-        _standing(2.14, 0.30, 0.34, (0.26, 0.22, 0.20), -21.0),
+        _standing(2.12, 0.28, 0.0, (0.48, 0.42, 0.46), 17.0),
+        _standing(2.14, 0.28, 0.46, (0.28, 0.24, 0.22), -21.0),
         Frustum(_at(2.52, 0.30, 0.0), 0.13, 0.17, 0.30),  # a plant in its pot
         _rod((2.52, 0.30, 0.28), (2.50, 0.32, 0.62), 0.015),
         Sphere(_at(2.50, 0.32, 0.74), 0.19),
-        Frustum(_at(0.93, 0.02, 0.0), 0.11, 0.14, 0.33, closed_top=False),  # a bin
-        Frustum(_at(1.45, -0.28, 0.43), 0.17, 0.18, 0.05),  # a stool
-        Frustum(_at(1.45, -0.28, 0.0), 0.15, 0.03, 0.06),
-        _rod((1.45, -0.28, 0.05), (1.45, -0.28, 0.43), 0.025),
     ]
 
 

@@ -18,6 +18,7 @@ from typing import Annotated, Any, TextIO
 import typer
 from typer.core import TyperGroup
 
+from hmrf_icp.cli.demo import demo
 from hmrf_icp.cli.evaluate import evaluate
 from hmrf_icp.cli.register import register
 from hmrf_icp.cli.report import report
@@ -65,6 +66,7 @@ app = typer.Typer(
 )
 
 # One line a command, in the order in which --help lists them.
+app.command()(demo)
 app.command()(register)
 app.command()(evaluate)
 app.command()(report)

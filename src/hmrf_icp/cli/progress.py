@@ -10,7 +10,7 @@ from typing import TYPE_CHECKING
 if TYPE_CHECKING:
     from rich.progress import Progress
 
-    from hmrf_icp.icp import Iteration
+    from hmrf_icp.icp import Iteration, Registrar
 
 
 class RegistrationBar:
@@ -33,6 +33,13 @@ class RegistrationBar:
             f"{1000 * iteration.step_translation:.1f} mm "
             f"{math.degrees(iteration.step_rotation):.2f} deg",
         )
+
+
+def most_iterations(method: Registrar) -> int | None:
+    """Tell after how many iterations a method gives up; None where it runs more than one loop."""
+    from hmrf_icp.icp import Method
+
+    return method.criteria.max_iterations if isinstance(method, Method) else None
 
 
 @contextmanager

@@ -150,7 +150,7 @@ def register(
     and written all the same); 2 bad input (nothing is written).
     """
     import hmrf_icp
-    from hmrf_icp.cli.progress import registration_bar
+    from hmrf_icp.cli.progress import most_iterations, registration_bar
     from hmrf_icp.cli.summary import json_text, summary
     from hmrf_icp.io import read_pose
 
@@ -184,7 +184,7 @@ def register(
                 if moving.camera is not None and staying.camera is not None:
                     _note("both files come with a camera: --viewpoint has no effect")
                 moving, staying = _seen_from(stood, moving), _seen_from(stood, staying)
-            bar.stage("Registering", total=method.criteria.max_iterations)
+            bar.stage("Registering", total=most_iterations(method))
             with _arguments_named({"source": source, "target": target, "init": init}):
                 result = hmrf_icp.register(
                     moving,
