@@ -5,9 +5,10 @@ from __future__ import annotations
 from typing import Any
 
 import numpy as np
-from numba import njit
 
-COMPILED: Any = {"nogil": True, "cache": True, "error_model": "numpy"}
+from hmrf_icp.kernels.compiled import njit
+
+COMPILED: Any = {"nogil": True, "error_model": "numpy"}
 
 
 @njit(**COMPILED)

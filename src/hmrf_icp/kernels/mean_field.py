@@ -10,8 +10,8 @@ from __future__ import annotations
 from typing import Any
 
 import numpy as np
-from numba import njit
 
+from hmrf_icp.kernels.compiled import njit
 from hmrf_icp.kernels.em import ANY_ORDER
 
 SATURATED = 40.0
@@ -19,7 +19,6 @@ SATURATED = 40.0
 
 COMPILED: dict[str, Any] = {
     "nogil": True,
-    "cache": True,
     "fastmath": ANY_ORDER,
     "error_model": "numpy",
 }
@@ -50,6 +49,32 @@ def respond(log_odds: Any) -> None:
 
 
 @njit(**COMPILED)
+def lay_out(place: Any, unary: Any, z: Any, external: Any, field: Any, seen: Any) -> None:
+    """Write values of the observed pixels where they stand in the images.
+
+    An assignment of one array at the places in another does the same, and takes
+    as long to compile as everything else here together: Numba words its error.
+    """
+    width = field.shape[1]
+    for k in range(place.size):
+        i, j = divmod(place[k], width)
+        external[i, j] = unary[k]
+        field[i, j] = z[k]
+        seen[i, j] = 1.0
+
+
+@njit(**COMPILED)
+def pick_up(place: Any, field: Any) -> Any:
+    """Read the observed pixels of an image back."""
+    width = field.shape[1]
+    z = np.empty(place.size)
+    for k in range(place.size):
+        i, j = divmod(place[k], width)
+        z[k] = field[i, j]
+    return z
+
+
+@njit(**COMPILED)
 def grid_simultaneous(place: Any, shape: Any, unary: Any, z: Any, beta: Any, least: float) -> Any:
     """Step on a grid, every pixel from the step before; the new z (M,) and the steps taken.
 
@@ -59,9 +84,7 @@ def grid_simultaneous(place: Any, shape: Any, unary: Any, z: Any, beta: Any, lea
     # The margin stays 0: border pixels have fewer neighbours without a test.
     field, spare = np.zeros((height + 2, width + 2)), np.zeros((height + 2, width + 2))
     external, seen = np.zeros((height + 2, width + 2)), np.zeros((height + 2, width + 2))
-    field.ravel()[place] = z
-    external.ravel()[place] = unary
-    seen.ravel()[place] = 1.0
+    lay_out(place, unary, z, external, field, seen)
     row = np.empty(width)
     taken = 0
     for step in range(beta.size):
@@ -84,7 +107,7 @@ def grid_simultaneous(place: Any, shape: Any, unary: Any, z: Any, beta: Any, lea
         taken += 1
         if moved <= least:
             break
-    return field.ravel()[place], taken
+    return pick_up(place, field), taken
 
 
 @njit(**COMPILED)
@@ -93,11 +116,10 @@ def grid_sequential(place: Any, shape: Any, unary: Any, z: Any, beta: Any, least
     height, width = shape
     field = np.zeros((height + 2, width + 2))
     external, seen = np.zeros((height + 2, width + 2)), np.zeros((height + 2, width + 2))
-    field.ravel()[place] = z
-    external.ravel()[place] = unary
-    seen.ravel()[place] = 1.0
+    lay_out(place, unary, z, external, field, seen)
     row, black = np.empty(width), np.zeros(width + 1)
-    black[::2] = 1.0
+    for j in range(0, width + 1, 2):
+        black[j] = 1.0
     taken = 0
     for step in range(beta.size):
         strength, moved = 2.0 * beta[step], 0.0
@@ -120,7 +142,7 @@ def grid_sequential(place: Any, shape: Any, unary: Any, z: Any, beta: Any, least
         taken += 1
         if moved <= least:
             break
-    return field.ravel()[place], taken
+    return pick_up(place, field), taken
 
 
 @njit(**COMPILED)

@@ -6,7 +6,8 @@ import math
 from typing import Any
 
 import numpy as np
-from numba import njit
+
+from hmrf_icp.kernels.compiled import njit
 
 AGREE, FRONT, BEHIND, OUTSIDE, OTHER = range(5)
 """What a view says of a point.
@@ -20,7 +21,7 @@ FACING = 0.8
 """Cosine between two normals above which they face the same way."""
 
 
-@njit(nogil=True, cache=True, error_model="numpy")
+@njit(nogil=True, error_model="numpy")
 def project(projection: Any, x: float, y: float, z: float) -> Any:
     """Row, column (fractional pixels) and depth of a point in the view's frame; depth 0 if none."""
     x -= projection[5]
@@ -48,7 +49,7 @@ def project(projection: Any, x: float, y: float, z: float) -> Any:
     )
 
 
-@njit(nogil=True, cache=True, error_model="numpy")
+@njit(nogil=True, error_model="numpy")
 def classify(
     points: Any,
     normals: Any,
@@ -62,8 +63,9 @@ def classify(
 ) -> None:
     """Write what a view says of each point (M, 3), moved by pose (4, 4) into its frame.
 
-    ``facing`` are the normals of the points that the view shows. A point agrees with the pixel it falls on or one of
-    the eight around it; it is in front, or behind, only of all of them.
+    ``facing`` are the normals of the points that the view shows. A point agrees
+    with the pixel it falls on or one of the eight around it; it is in front, or
+    behind, only of all of them.
     """
     height, width = depth.shape
     wraps = projection[0] != 0.0
