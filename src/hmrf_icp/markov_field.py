@@ -36,7 +36,7 @@ SPACING_SAMPLE = 2000
 """Target points whose distance to the next one is measured for the scale floor."""
 
 EVIDENT = 30
-"""Points that the evidence must speak for at least to be the first inliers."""
+"""Points that the evidence must leave at least to be the first inliers."""
 
 
 @dataclass(frozen=True)
@@ -194,9 +194,9 @@ def spacing(points: Array, sample: int = SPACING_SAMPLE) -> float:
 
 
 def initial_labels(matches: Matches, share: float) -> Array:
-    """Return z^(0): the points that the evidence speaks for, or the nearest where there is none."""
+    """Return z^(0): the points the evidence does not speak against, or the nearest without it."""
     if matches.evidence is not None:
-        spoken_for = matches.evidence > 0
+        spoken_for = matches.evidence >= 0
         if np.count_nonzero(spoken_for) >= EVIDENT:
             return np.where(spoken_for, 1.0, -1.0)
     y = matches.distance

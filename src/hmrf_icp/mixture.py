@@ -86,13 +86,14 @@ class Mixture:
         """Whether the inliers are the nearer component.
 
         Their mean is the smaller one, and the nearest tenth of the distances is
-        likelier theirs than the farthest tenth.
+        likelier theirs than the farthest tenth, and than all on average.
         """
         if not self.inlier.mean < self.outlier.mean:
             return False
         probability = self.probability(np.sort(y))
         tenth = max(1, y.size // 10)
-        return float(probability[:tenth].mean()) > float(probability[-tenth:].mean())
+        near, far = float(probability[:tenth].mean()), float(probability[-tenth:].mean())
+        return near > far and near >= self.share
 
 
 def fit(
