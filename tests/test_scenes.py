@@ -28,14 +28,14 @@ def clouds(name, n):
 
 @pytest.mark.parametrize(("name", "least"), [("desk", (0.0, 0.1)), ("tabletop", (0.2, 0.4))])
 def test_a_walk_leads_from_full_overlap_down_without_a_gap(name, least):
-    poses, seen = trajectory(name, 13), clouds(name, 13)
+    poses, seen = trajectory(name, 10), clouds(name, 10)
     shares = [
         overlap(cloud, seen[0], true_transformation(pose, poses[0]))
         for cloud, pose in zip(seen, poses, strict=True)
     ]
     assert shares[0] == 1.0
     assert least[0] <= min(shares) < least[1]
-    assert -np.diff(np.sort(shares)[::-1]).min() < 0.25, shares
+    assert -np.diff(np.sort(shares)[::-1]).min() < 0.3, shares
 
 
 @pytest.mark.parametrize("name", sorted(SCENES))

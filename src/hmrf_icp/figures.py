@@ -259,8 +259,7 @@ class _Scale:
 
         margin = 0.0 if self.ends is None else 0.125
         chosen = colormaps[self.name](np.linspace(margin, 1.0 - margin, 256))
-        cmap = ListedColormap(chosen)
-        cmap.set_bad(UNOBSERVED)
+        cmap = ListedColormap(chosen).with_extremes(bad=UNOBSERVED)
         return ScalarMappable(Normalize(self.low, self.high), cmap)
 
 
