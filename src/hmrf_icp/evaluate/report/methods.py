@@ -30,6 +30,7 @@ LABELS = {
     "gicp": "GICP",
     "gicp-chain": "GICP, thresholds in turn",
     "fricp": "Fast and Robust ICP",
+    "fricp-plane": "Fast and Robust ICP, point-to-plane",
     "kiss-gicp": "KISS-Matcher, then GICP",
 }
 """The paper's legend, and the peers in words; other names are shown as they are."""
