@@ -77,6 +77,6 @@ def test_a_thousand_frames_leave_a_few_clouds_in_a_worker():
     clouds = Clouds("a session of this test", 2)
     for index in range(1000):
         prepared = clouds.prepared(Frame(index, np.eye(4), Scan()))
-        assert prepared.cloud.shape == (24, 32)
+        assert prepared.cloud.shape == (18, 24)
     assert len(work._kept) == CLOUDS_KEPT
     assert prepared.centroid == pytest.approx(1.0)

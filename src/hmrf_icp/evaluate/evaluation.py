@@ -114,13 +114,11 @@ def evaluate(
     folder = _folder(Path(output))
     clouds = work.Clouds(f"{dataset} {os.urandom(8).hex()}", complete.subsample)
 
-    def somebody() -> Workers:
-        return LocalWorkers(workers) if scheduler is None else ClusterWorkers(scheduler)
-
-    with _alone(folder):
+    team = LocalWorkers(workers) if scheduler is None else ClusterWorkers(scheduler)
+    with _alone(folder), team:
         _claim(folder, complete, fresh)
         if not (folder / PAIRS).is_file():
-            found = _find_pairs(complete, sequence, clouds, somebody(), report)
+            found = _find_pairs(complete, sequence, clouds, team, report)
             _write_pairs(folder / PAIRS, found)
         pairs = _read_pairs(folder / PAIRS)
         notes = [*sequence.notes, *alternatives.skipped, *_gaps(pairs, targets)]
@@ -136,7 +134,7 @@ def evaluate(
         config.write(folder / CONFIG, complete, {"notes": notes, **(about or {})})
         plan = Plan(pairs, complete.starts, complete.axes, tuple(m.name for m in everyone))
         with Results(folder / RESULTS, plan) as results:
-            _run(complete, sequence, clouds, plan, results, tuple(extra_methods), somebody, report)
+            _run(complete, sequence, clouds, plan, results, tuple(extra_methods), team, report)
             results.sort()
     return Evaluation(folder, len(plan), tuple(notes))
 
@@ -148,7 +146,7 @@ def _run(
     plan: Plan,
     results: Results,
     extra: tuple[Method, ...],
-    somebody: Callable[[], Workers],
+    workers: Workers,
     report: Progress,
 ) -> None:
     """Do what is not done, and append it as it comes."""
@@ -171,7 +169,7 @@ def _run(
     report("Registering", results.count, len(plan))
     if results.count == len(plan):
         return
-    for task, rows in outcomes(somebody(), work.do_runs, tasks()):
+    for task, rows in outcomes(workers, work.do_runs, tasks()):
         if isinstance(rows, Lost):
             rows = [Row(run, 0.0, failure=rows.reason) for run in task.runs]
         results.append(rows)

@@ -2,20 +2,24 @@
 
 from __future__ import annotations
 
-import contextlib
 import os
 import signal
 import threading
 import time
+from abc import ABC, abstractmethod
 from collections import deque
 from collections.abc import Callable, Iterable, Iterator
 from concurrent.futures import FIRST_COMPLETED, CancelledError, Executor, Future, wait
 from concurrent.futures.process import BrokenProcessPool
 from dataclasses import dataclass
-from typing import Any, Protocol, TypeVar
+from types import TracebackType
+from typing import TYPE_CHECKING, Any, Protocol, TypeVar
 
 from hmrf_icp.errors import InputError, MissingDependencyError
 from hmrf_icp.evaluate.work import ONE_THREAD
+
+if TYPE_CHECKING:
+    from typing_extensions import Self
 
 CONNECTION_SECONDS = 15.0
 """How long a scheduler may take to answer."""
@@ -48,8 +52,8 @@ class Lost:
     reason: str
 
 
-class Workers(Protocol):
-    """Somewhere to run functions.
+class Workers(ABC):
+    """Somewhere to run functions; use it in a ``with`` block, which ends it.
 
     Attributes
     ----------
@@ -59,20 +63,49 @@ class Workers(Protocol):
 
     all_die_together: bool
 
-    def start(self) -> Executor:
-        """Return an executor, a new one if an earlier one broke."""
+    def __init__(self) -> None:
+        self._executor: Executor | None = None
 
+    def __enter__(self) -> Self:
+        return self
+
+    def __exit__(
+        self,
+        kind: type[BaseException] | None,
+        error: BaseException | None,
+        traceback: TracebackType | None,
+    ) -> None:
+        self.stop(at_once=error is not None)
+
+    @property
+    def executor(self) -> Executor:
+        """The executor, started when it is first asked for and after each stop."""
+        if self._executor is None:
+            self._executor = self._start()
+        return self._executor
+
+    def stop(self, at_once: bool) -> None:
+        """Shut down; ``at_once`` without waiting for what runs."""
+        executor, self._executor = self._executor, None
+        if executor is not None:
+            self._stop(executor, at_once)
+
+    @abstractmethod
+    def _start(self) -> Executor: ...
+
+    @abstractmethod
+    def _stop(self, executor: Any, at_once: bool) -> None: ...
+
+    @abstractmethod
     def tasks_at_once(self) -> int:
         """How many tasks to hand out at a time."""
 
-    def stop(self, executor: Executor, at_once: bool) -> None:
-        """Shut down; ``at_once`` without waiting for what runs."""
-
+    @abstractmethod
     def has_died(self, error: BaseException) -> bool:
         """Whether an exception means that a worker is gone, not that its function raised."""
 
 
-class LocalWorkers:
+class LocalWorkers(Workers):
     """Processes of this machine, each held to one thread (joblib's loky).
 
     Parameters
@@ -84,25 +117,24 @@ class LocalWorkers:
     all_die_together = True
 
     def __init__(self, count: int | None = None) -> None:
+        super().__init__()
         if count is not None and count < 1:
             raise InputError(f"workers: expected one or more, got {count}")
         cores: int = _loky().cpu_count()
-        self.count: int = cores if count is None else min(count, cores)
+        self.count = cores if count is None else min(count, cores)
 
-    def start(self) -> Executor:
-        """Start the processes."""
+    def _start(self) -> Executor:
         executor: Executor = _loky().ProcessPoolExecutor(
             max_workers=self.count, env=ONE_THREAD, initializer=_follow, initargs=(os.getpid(),)
         )
         return executor
 
+    def _stop(self, executor: Any, at_once: bool) -> None:
+        executor.shutdown(wait=True, kill_workers=at_once)
+
     def tasks_at_once(self) -> int:
         """Two a process."""
         return TASKS_A_CORE * self.count
-
-    def stop(self, executor: Any, at_once: bool) -> None:
-        """End the processes."""
-        executor.shutdown(wait=True, kill_workers=at_once)
 
     def has_died(self, error: BaseException) -> bool:
         """Whether the pool broke."""
@@ -133,7 +165,7 @@ def _follow(parent: int) -> None:
     threading.Thread(target=watch, daemon=True).start()
 
 
-class ClusterWorkers:
+class ClusterWorkers(Workers):
     """A Dask cluster. The scheduler gives the tasks of a worker that dies to another.
 
     Parameters
@@ -141,36 +173,39 @@ class ClusterWorkers:
     address
         As ``dask scheduler`` prints it, ``tcp://host:8786``. Its workers must
         have this package, and the data under the same path.
-
-    Raises
-    ------
-    InputError
-        Nobody answers there, or no worker is connected.
     """
 
     all_die_together = False
 
     def __init__(self, address: str) -> None:
+        super().__init__()
+        self._address = address
+        self._client: Any = None
+        self._counted = -CORES_KNOWN_SECONDS
+        self._cores = 0
+
+    def _start(self) -> Executor:
+        """Connect, and wait for a first worker.
+
+        Raises
+        ------
+        InputError
+            Nobody answers at the address, or no worker is connected.
+        """
         try:
             import distributed
         except ImportError:
             raise MissingDependencyError(
                 "a scheduler needs Dask: pip install 'hmrf-icp[cluster]'"
             ) from None
-        client: Any = distributed.Client
+        connect: Any = distributed.Client
         try:
-            self._client = client(address, timeout=CONNECTION_SECONDS, set_as_default=False)
+            self._client = connect(self._address, timeout=CONNECTION_SECONDS, set_as_default=False)
         except (OSError, ValueError) as error:
             raise InputError(
-                f"scheduler: no Dask scheduler answers at {address} ({error}); start one with "
-                "`dask scheduler` and give the address that it prints"
+                f"scheduler: no Dask scheduler answers at {self._address} ({error}); start one "
+                "with `dask scheduler` and give the address that it prints"
             ) from None
-        self._address = address
-        self._counted = -CORES_KNOWN_SECONDS
-        self._cores = 0
-
-    def start(self) -> Executor:
-        """Wait for a first worker."""
         try:
             self._client.wait_for_workers(1, timeout=CONNECTION_SECONDS)
         except (OSError, TimeoutError):
@@ -182,17 +217,17 @@ class ClusterWorkers:
         executor: Executor = self._client.get_executor(pure=False, retries=RETRIES)
         return executor
 
+    def _stop(self, executor: Any, at_once: bool) -> None:
+        # What is not done is taken back; the cluster goes on.
+        executor.shutdown(wait=not at_once)
+        self._client.close()
+
     def tasks_at_once(self) -> int:
         """Two a core of the cluster as it is now."""
         if time.monotonic() - self._counted > CORES_KNOWN_SECONDS:
             self._cores = sum(self._client.ncores().values())
             self._counted = time.monotonic()
         return TASKS_A_CORE * max(1, self._cores)
-
-    def stop(self, executor: Executor, at_once: bool) -> None:
-        """Take back what is not done, and hang up; the cluster goes on."""
-        executor.shutdown(wait=not at_once)
-        self._client.close()
 
     def has_died(self, error: BaseException) -> bool:
         """Whether the scheduler gave up on a task because each worker that had it died."""
@@ -213,7 +248,7 @@ def outcomes(
     Parameters
     ----------
     workers
-        Who works; stopped at the end, however it comes.
+        Who works.
     function
         Sent to the workers: one that can be imported there.
     tasks
@@ -226,55 +261,47 @@ def outcomes(
     tasks = iter(tasks)
     suspects: deque[T] = deque()
     running: dict[Future[R], T] = {}
-    executor = workers.start()
-    finished = False
 
     def hand_out() -> None:
-        alone = bool(suspects) and workers.all_die_together
-        limit = 1 if alone else workers.tasks_at_once()
-        while len(running) < limit:
-            if suspects:
-                task = suspects.popleft()
-            else:
-                more = next(tasks, None)
-                if more is None:
-                    return
-                task = more
-            running[executor.submit(function, task)] = task
-
-    try:
         while True:
-            hand_out()
-            if not running:
-                break
-            done, _ = wait(running, return_when=FIRST_COMPLETED)
-            if any(_died(workers, future) for future in done) and workers.all_die_together:
-                done = set(wait(running).done)
-            by_itself = len(running) == 1 or not workers.all_die_together
-            broken = False
-            for future in done:
-                task = running.pop(future)
-                error = _error(future)
-                if error is None:
-                    yield task, future.result()
-                elif not workers.has_died(error):
-                    raise error
-                else:
-                    broken = True
-                    pieces = task.split()
-                    if not by_itself:
-                        suspects.append(task)
-                    elif len(pieces) > 1:
-                        suspects.extend(pieces)
-                    else:
-                        yield task, Lost(f"the worker died of it ({error})")
-            if broken and workers.all_die_together:
-                workers.stop(executor, at_once=True)
-                executor = workers.start()
-        finished = True
-    finally:
-        with contextlib.suppress(BrokenProcessPool):
-            workers.stop(executor, at_once=not finished)
+            executor = workers.executor
+            alone = bool(suspects) and workers.all_die_together
+            if len(running) >= (1 if alone else workers.tasks_at_once()):
+                return
+            task = suspects.popleft() if suspects else next(tasks, None)
+            if task is None:
+                return
+            try:
+                running[executor.submit(function, task)] = task
+            except BrokenProcessPool:
+                # A worker died since the last look; what is running will say so too.
+                suspects.append(task)
+                if running:
+                    return
+                workers.stop(at_once=True)
+
+    while True:
+        hand_out()
+        if not running:
+            return
+        done, _ = wait(running, return_when=FIRST_COMPLETED)
+        if workers.all_die_together and any(_died(workers, future) for future in done):
+            done, _ = wait(running)
+            # Before anything is yielded: whoever takes it may never come back.
+            workers.stop(at_once=True)
+        by_itself = len(running) == 1 or not workers.all_die_together
+        for future in done:
+            task, error = running.pop(future), _error(future)
+            if error is None:
+                yield task, future.result()
+            elif not workers.has_died(error):
+                raise error
+            elif not by_itself:
+                suspects.append(task)
+            elif len(pieces := task.split()) > 1:
+                suspects.extend(pieces)
+            else:
+                yield task, Lost(f"the worker died of it ({error})")
 
 
 def _error(future: Future[Any]) -> BaseException | None:
