@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from dataclasses import dataclass
+from typing import Protocol
 
 import numpy as np
 from numpy.typing import NDArray
@@ -10,7 +11,7 @@ from numpy.typing import NDArray
 from hmrf_icp import se3
 from hmrf_icp.cloud import PointCloud
 from hmrf_icp.surface import Surface, surface_of
-from hmrf_icp.view import view_of
+from hmrf_icp.view import BAND, view_of
 
 Array = NDArray[np.float64]
 
@@ -58,8 +59,10 @@ class Verdict:
         Where the sensor did not look, or saw nothing: no evidence.
     other
         At the depth of a surface that faces another way.
-    asked
-        All of them.
+    seen
+        Whether a sensor's view was asked. Where no viewpoint is known, points
+        agree with the surface they are near, or are ``outside``: that tells how
+        much overlaps, and nothing of free space.
     """
 
     agree: int
@@ -67,6 +70,7 @@ class Verdict:
     behind: int
     outside: int
     other: int
+    seen: bool = True
 
     @property
     def asked(self) -> int:
@@ -77,6 +81,8 @@ class Verdict:
     def score(self) -> float:
         """Evidence for the pose in [0, 1): agreement against free space violated."""
         asked = max(self.asked, 1)
+        if not self.seen:
+            return self.agree / asked
         return self.agree / (self.agree + VIOLATION * self.front + DOUBT * asked)
 
     @property
@@ -97,7 +103,34 @@ def evenly(surface: Surface, count: int) -> NDArray[np.intp]:
     # A few points that stand for far more than their share would be taken once only.
     area = np.minimum(surface.area[rows], 20.0 * np.median(surface.area[rows]))
     passed = np.floor(np.cumsum(area) * (count / area.sum()))
-    return rows[np.diff(passed, prepend=0.0) > 0]
+    return np.asarray(rows[np.diff(passed, prepend=0.0) > 0])
+
+
+class Asked(Protocol):
+    """Anything that can be asked what it knows of points moved into its frame."""
+
+    def ask(self, points: Array, normals: Array, pose: Array) -> NDArray[np.uint8]:
+        """Return a verdict (M,) of :mod:`hmrf_icp.kernels.view` for each point (M, 3)."""
+
+
+class Near:
+    """A surface seen from nowhere in particular: points are near it, or outside."""
+
+    def __init__(self, surface: Surface) -> None:
+        from pykdtree.kdtree import KDTree
+
+        self._surface = surface
+        self._tree = KDTree(surface.points)
+        self._band = BAND * surface.noise + np.sqrt(surface.area)
+
+    def ask(self, points: Array, normals: Array, pose: Array) -> NDArray[np.uint8]:
+        """Ask who is within the noise and the spacing of the closest point, and faces its way."""
+        from hmrf_icp.kernels.view import AGREE, FACING, OTHER, OUTSIDE
+
+        distance, row = self._tree.query(se3.transform(pose, points))
+        cosine = np.abs(((normals @ pose[:3, :3].T) * self._surface.normals[row]).sum(axis=1))
+        verdict = np.where(cosine > FACING, AGREE, OTHER)
+        return np.where(distance < self._band[row], verdict, OUTSIDE).astype(np.uint8)
 
 
 class Judge:
@@ -114,13 +147,11 @@ class Judge:
     def __init__(self, source: PointCloud, target: PointCloud, count: int) -> None:
         self._of_source = Witness.of(surface_of(source), count)
         self._of_target = Witness.of(surface_of(target), count)
-        self._by_source = view_of(source)
-        self._by_target = view_of(target)
-
-    @property
-    def sees(self) -> bool:
-        """Whether a view is known of either cloud."""
-        return self._by_source is not None or self._by_target is not None
+        self._by_source: Asked | None = view_of(source)
+        self._by_target: Asked | None = view_of(target)
+        self._seen = self._by_source is not None or self._by_target is not None
+        if not self._seen:
+            self._by_source, self._by_target = Near(surface_of(source)), Near(surface_of(target))
 
     def __call__(self, pose: Array) -> Verdict:
         """Ask about one pose (4, 4), source to target."""
@@ -132,4 +163,5 @@ class Judge:
             if view is not None:
                 verdict = view.ask(witness.points, witness.normals, motion)
                 counts += np.bincount(verdict, minlength=5)
-        return Verdict(*(int(n) for n in counts))
+        agree, front, behind, outside, other = (int(n) for n in counts)
+        return Verdict(agree, front, behind, outside, other, self._seen)

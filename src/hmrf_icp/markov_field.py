@@ -67,7 +67,8 @@ class MarkovField:
         Prior share of inliers that the neighbours aside would leave: a number in
         (0, 1), 0.5 being the paper's none, or ``"learn"``.
     initial
-        Share of the points, the nearest, that start as inliers where no evidence says which.
+        Share of the points that start as inliers: the nearest of those that no evidence
+        speaks against.
     first_steps, steps
         Most EM steps before the first motion, and within each ICP iteration.
     scale_floor
@@ -194,13 +195,15 @@ def spacing(points: Array, sample: int = SPACING_SAMPLE) -> float:
 
 
 def initial_labels(matches: Matches, share: float) -> Array:
-    """Return z^(0): the points the evidence does not speak against, or the nearest without it."""
-    if matches.evidence is not None:
-        spoken_for = matches.evidence >= 0
-        if np.count_nonzero(spoken_for) >= EVIDENT:
-            return np.where(spoken_for, 1.0, -1.0)
+    """Return z^(0): +1 for the nearest ``share`` of those the evidence does not speak against."""
     y = matches.distance
-    return np.where(y <= np.percentile(y, 100.0 * share), 1.0, -1.0)
+    open_to_it = np.ones(y.size, dtype=np.bool_)
+    if matches.evidence is not None:
+        allowed = matches.evidence >= 0
+        if np.count_nonzero(allowed) >= EVIDENT:
+            open_to_it = allowed
+    near = y <= np.percentile(y[open_to_it], 100.0 * share)
+    return np.where(near & open_to_it, 1.0, -1.0)
 
 
 class _Em:

@@ -35,7 +35,7 @@ class Seen:
     """
 
     match: Matcher = field(default_factory=NearestNeighbour)
-    log_odds: tuple[float, float, float, float, float] = (4.0, -8.0, -6.0, -6.0, -4.0)
+    log_odds: tuple[float, float, float, float, float] = (0.0, -8.0, -6.0, -6.0, -4.0)
 
     def prepare(self, source: PointCloud, target: PointCloud) -> Match:
         """Look up what the target's sensor saw."""

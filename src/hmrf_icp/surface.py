@@ -147,7 +147,7 @@ def _unorganised(cloud: PointCloud) -> Surface:
     distance, index = KDTree(points[thin]).query(points, k=count)
     index = thin[index]
     known = cloud.viewpoint is not None
-    viewpoint = cloud.viewpoint if known else points.mean(axis=0)
+    viewpoint = points.mean(axis=0) if cloud.viewpoint is None else cloud.viewpoint
     normals, residual, boundary = fit_neighbours(points, index, viewpoint)
     # A disc that holds all the neighbours before they were thinned: its area shared among them.
     area = np.pi * distance[:, -1] ** 2 / count * (len(thin) / len(points))
@@ -194,4 +194,4 @@ def _noise(reach: Array, residual: Array, spacing: Array) -> Array:
     power = float((at - at.mean()) @ left / spread) if spread > 1e-12 else 0.0
     power = min(max(power, 0.0), 2.5)
     scale = np.median(left - power * at)
-    return np.maximum(np.exp(scale) * np.maximum(reach, 1e-300) ** power, floor)
+    return np.asarray(np.maximum(np.exp(scale) * np.maximum(reach, 1e-300) ** power, floor))

@@ -85,10 +85,11 @@ def _own(name: str, preset: str, rejector: str | None) -> Method:
     def register(source: Prepared, target: Prepared, init: NDArray[np.float64]) -> Outcome:
         import hmrf_icp
         from hmrf_icp import presets
+        from hmrf_icp.icp import Method as Algorithm1
         from hmrf_icp.match import NearestNeighbour
 
         method = presets.preset(preset)
-        if isinstance(getattr(method, "match", None), NearestNeighbour):
+        if isinstance(method, Algorithm1) and isinstance(method.match, NearestNeighbour):
             method = replace(method, match=_KeptTree(method.match, target))
         result = hmrf_icp.register(source.cloud, target.cloud, init, method, rejector=rejector)
         confidence = getattr(result, "confidence", None)
