@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import warnings
 from dataclasses import replace
+from functools import partial
 
 import numpy as np
 import pytest
@@ -12,6 +13,9 @@ import hmrf_icp
 import synthetic
 from hmrf_icp import Criteria, InputError, PinholeCamera, PointCloud, RegistrationWarning, presets
 from hmrf_icp.reject import Labels
+
+register = partial(hmrf_icp.register, preset="paper")
+"""These are statements about the paper's method and its parts."""
 
 CAMERA = PinholeCamera(width=24, height=18, fx=20.0, fy=20.0, cx=11.5, cy=8.5)
 
@@ -59,18 +63,18 @@ def test_a_cloud_that_cannot_be_registered(clouds, name, cloud, says):
     source, target = clouds
     arguments = {"source": source, "target": target, name: cloud}
     with pytest.raises(InputError, match=says) as error:
-        hmrf_icp.register(**arguments)
+        register(**arguments)
     assert str(error.value).startswith(f"{name}: ")
 
 
 @pytest.mark.parametrize("nothing", [np.nan, np.inf, -np.inf])
 def test_points_that_are_not_finite_are_unobserved_and_no_error(clouds, nothing):
     source, target = clouds
-    expected = hmrf_icp.register(source, target)
+    expected = register(source, target)
     holes = np.isnan(source[..., 0])
     one_coordinate = np.where(np.isnan(source), 0.3, source)
     one_coordinate[holes, 1] = nothing
-    found = hmrf_icp.register(one_coordinate, np.where(np.isnan(target), nothing, target))
+    found = register(one_coordinate, np.where(np.isnan(target), nothing, target))
     np.testing.assert_array_equal(found.transformation, expected.transformation)
     assert np.isnan(found.inlier_probability[holes]).all()
     assert np.isnan(found.distance[holes]).all()
@@ -83,7 +87,7 @@ def test_ten_points_are_enough(clouds):
     _, target = clouds
     with warnings.catch_warnings():
         warnings.simplefilter("ignore", RegistrationWarning)
-        result = hmrf_icp.register(few(10), target)
+        result = register(few(10), target)
     assert np.isfinite(result.transformation).all()
     assert np.isfinite(result.inlier_rmse)
 
@@ -93,38 +97,38 @@ def test_ten_points_are_enough(clouds):
 )
 def test_a_start_that_is_not_rigid(clouds, init):
     with pytest.raises(InputError, match=r"^init: "):
-        hmrf_icp.register(*clouds, init=init)
+        register(*clouds, init=init)
 
 
 def test_metres_and_millimetres_mixed_up_get_a_warning(clouds):
     source, target = clouds
     with pytest.warns(RegistrationWarning, match=r"millimetres.*metres") as caught:
-        hmrf_icp.register(source, 1000.0 * target)
+        register(source, 1000.0 * target)
     assert caught[0].filename == __file__
     with pytest.warns(RegistrationWarning, match=r"millimetres.*metres"):
-        hmrf_icp.register(1000.0 * source, target)
+        register(1000.0 * source, target)
 
 
 def test_clouds_of_the_same_units_get_none(clouds):
     source, target = clouds
     with warnings.catch_warnings():
         warnings.simplefilter("error")
-        hmrf_icp.register(source, target)
-        hmrf_icp.register(source, 10.0 * target)
+        register(source, target)
+        register(source, 10.0 * target)
 
 
 @pytest.mark.parametrize("rejector", [None, "hmrf"])
 def test_the_paper_needs_an_organised_source_and_says_so(clouds, rejector):
     source, target = clouds
     with pytest.raises(InputError, match=r"source: .*organised.*\(H, W, 3\)"):
-        hmrf_icp.register(source.reshape(-1, 3), target, preset="paper", rejector=rejector)
+        register(source.reshape(-1, 3), target, preset="paper", rejector=rejector)
 
 
 @pytest.mark.parametrize("rejector", ["all", "percent", "sigma", "x84", "dynamic"])
 def test_the_other_rules_take_any_source(clouds, rejector):
     source, target = clouds
-    grid = hmrf_icp.register(source, target, rejector=rejector)
-    flat = hmrf_icp.register(source.reshape(-1, 3), target, rejector=rejector)
+    grid = register(source, target, rejector=rejector)
+    flat = register(source.reshape(-1, 3), target, rejector=rejector)
     np.testing.assert_array_equal(flat.transformation, grid.transformation)
     assert flat.inlier_probability.shape == (source.shape[0] * source.shape[1],)
 
@@ -136,7 +140,7 @@ def test_the_other_rules_take_any_source(clouds, rejector):
 def test_an_unknown_name_lists_the_known_ones(clouds, wrong):
     known = "paper" if "preset" in wrong else "hmrf, all, percent, sigma, x84, dynamic"
     with pytest.raises(InputError, match=f"{next(iter(wrong))}: unknown .*{known}"):
-        hmrf_icp.register(*clouds, **wrong)
+        register(*clouds, **wrong)
 
 
 @pytest.mark.parametrize(
@@ -155,7 +159,7 @@ class NobodyIsAnInlier:
 def test_no_inliers_end_the_registration_with_a_warning_and_without_nan(clouds):
     source, target = clouds
     with pytest.warns(RegistrationWarning, match="0 inliers among .* do not determine a motion"):
-        result = hmrf_icp.register(source, target, rejector=NobodyIsAnInlier())
+        result = register(source, target, rejector=NobodyIsAnInlier())
     assert not result.converged
     assert result.iterations == 0
     assert result.overlap == 0.0
@@ -167,9 +171,7 @@ def test_no_iterations_return_the_start_and_the_first_field(clouds):
     source, target = clouds
     with warnings.catch_warnings():
         warnings.simplefilter("error")
-        result = hmrf_icp.register(
-            source, target, init=synthetic.TRUTH, criteria=Criteria(max_iterations=0)
-        )
+        result = register(source, target, init=synthetic.TRUTH, criteria=Criteria(max_iterations=0))
     assert (result.converged, result.iterations, result.history) == (False, 0, ())
     assert result.em_iterations > 0
     np.testing.assert_allclose(result.transformation, synthetic.TRUTH, atol=1e-14)
@@ -179,7 +181,7 @@ def test_no_iterations_return_the_start_and_the_first_field(clouds):
 def test_no_em_steps_leave_the_first_guess(clouds):
     source, target = clouds
     frozen = replace(presets.PAPER.reject, first_steps=0, steps=0)
-    result = hmrf_icp.register(source, target, rejector=frozen)
+    result = register(source, target, rejector=frozen)
     assert result.em_iterations == 0
     assert result.overlap == pytest.approx(0.9, abs=0.01)
 

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from dataclasses import replace
+from functools import partial
 
 import numpy as np
 import pytest
@@ -13,6 +14,9 @@ import hmrf_icp
 import paper_reference as paper
 import synthetic
 from hmrf_icp import Criteria, presets, se3
+
+register = partial(hmrf_icp.register, preset="paper")
+"""These are statements about the paper's method and its parts."""
 
 SEED = st.integers(0, 1000)
 REJECTOR = st.sampled_from(presets.rejector_names())
@@ -30,8 +34,8 @@ examples = settings(max_examples=15, deadline=None)
 def test_moving_both_clouds_moves_the_result_with_them(seed, twist, rejector):
     source, target = synthetic.pair(seed)
     motion = se3.exp(twist)
-    here = hmrf_icp.register(source, target, rejector=rejector, criteria=FIXED)
-    there = hmrf_icp.register(
+    here = register(source, target, rejector=rejector, criteria=FIXED)
+    there = register(
         se3.transform(motion, source),
         se3.transform(motion, target),
         rejector=rejector,
@@ -50,9 +54,9 @@ def test_a_source_that_was_moved_first_comes_out_the_same_with_the_start_that_un
 ):
     source, target = synthetic.pair(seed)
     motion = se3.exp(twist)
-    here = hmrf_icp.register(source, target, rejector=rejector)
+    here = register(source, target, rejector=rejector)
     moved = se3.transform(motion, source)
-    there = hmrf_icp.register(moved, target, init=se3.inverse(motion), rejector=rejector)
+    there = register(moved, target, init=se3.inverse(motion), rejector=rejector)
     assert there.iterations == here.iterations
     np.testing.assert_allclose(there.transformation @ motion, here.transformation, atol=1e-7)
 
@@ -62,8 +66,8 @@ def test_a_source_that_was_moved_first_comes_out_the_same_with_the_start_that_un
 def test_scaling_everything_scales_the_translation_and_nothing_else(seed, exponent, rejector):
     source, target = synthetic.pair(seed)
     scale = 10.0**exponent
-    small = hmrf_icp.register(source, target, rejector=rejector, criteria=Criteria(0.01, 0.001))
-    large = hmrf_icp.register(
+    small = register(source, target, rejector=rejector, criteria=Criteria(0.01, 0.001))
+    large = register(
         scale * source,
         scale * target,
         rejector=rejector,
@@ -85,7 +89,7 @@ def test_scaling_everything_scales_the_translation_and_nothing_else(seed, expone
 @examples
 def test_identical_clouds_give_the_identity(seed, rejector):
     source, _ = synthetic.pair(seed)
-    result = hmrf_icp.register(source, source, rejector=rejector)
+    result = register(source, source, rejector=rejector)
     np.testing.assert_allclose(result.transformation, np.eye(4), atol=1e-9)
     assert result.converged
     assert result.iterations == 1
@@ -103,9 +107,9 @@ def test_the_order_of_an_unorganised_target_does_not_matter(seed, rejector):
     source, target = synthetic.pair(seed)
     points = target[~np.isnan(target[..., 0])]
     shuffled = np.random.default_rng(seed).permutation(points)
-    organised = hmrf_icp.register(source, target, rejector=rejector)
-    ordered = hmrf_icp.register(source, points, rejector=rejector)
-    anyhow = hmrf_icp.register(source, shuffled, rejector=rejector)
+    organised = register(source, target, rejector=rejector)
+    ordered = register(source, points, rejector=rejector)
+    anyhow = register(source, shuffled, rejector=rejector)
     np.testing.assert_array_equal(ordered.transformation, organised.transformation)
     np.testing.assert_allclose(anyhow.transformation, ordered.transformation, atol=1e-9)
     np.testing.assert_allclose(anyhow.inlier_probability, ordered.inlier_probability, atol=1e-9)
@@ -116,9 +120,9 @@ def test_the_order_of_an_unorganised_target_does_not_matter(seed, rejector):
 def test_a_source_seen_in_a_mirror_image_grid_has_the_same_field(seed):
     # The four neighbours are the same ones when the image is read from right to left or by columns.
     source, target = synthetic.pair(seed)
-    plain = hmrf_icp.register(source, target)
-    flipped = hmrf_icp.register(source[:, ::-1], target)
-    transposed = hmrf_icp.register(source.transpose(1, 0, 2), target)
+    plain = register(source, target)
+    flipped = register(source[:, ::-1], target)
+    transposed = register(source.transpose(1, 0, 2), target)
     np.testing.assert_allclose(flipped.transformation, plain.transformation, atol=1e-9)
     np.testing.assert_allclose(transposed.transformation, plain.transformation, atol=1e-9)
     np.testing.assert_allclose(
@@ -129,7 +133,7 @@ def test_a_source_seen_in_a_mirror_image_grid_has_the_same_field(seed):
 
 def test_the_same_call_gives_the_same_answer_to_the_last_digit():
     source, target = synthetic.pair(3)
-    once, twice = (hmrf_icp.register(source, target) for _ in range(2))
+    once, twice = (register(source, target) for _ in range(2))
     np.testing.assert_array_equal(once.transformation, twice.transformation)
     np.testing.assert_array_equal(once.inlier_probability, twice.inlier_probability)
 
@@ -137,7 +141,7 @@ def test_the_same_call_gives_the_same_answer_to_the_last_digit():
 def test_the_input_is_not_changed():
     source, target = synthetic.pair(3)
     source_before, target_before, init = source.copy(), target.copy(), np.eye(4)
-    hmrf_icp.register(source, target, init=init)
+    register(source, target, init=init)
     np.testing.assert_array_equal(source, source_before)
     np.testing.assert_array_equal(target, target_before)
     np.testing.assert_array_equal(init, np.eye(4))
@@ -145,9 +149,7 @@ def test_the_input_is_not_changed():
 
 def test_single_precision_moves_the_result_by_less_than_it_measures():
     source, target = synthetic.pair(2)
-    double = hmrf_icp.register(source, target)
-    single = hmrf_icp.register(
-        source, target, rejector=replace(presets.PAPER.reject, precision="single")
-    )
+    double = register(source, target)
+    single = register(source, target, rejector=replace(presets.PAPER.reject, precision="single"))
     assert single.iterations == double.iterations
     np.testing.assert_allclose(single.transformation, double.transformation, atol=1e-4)

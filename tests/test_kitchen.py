@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import math
+from functools import partial
 
 import numpy as np
 import pytest
@@ -10,6 +11,9 @@ import pytest
 import hmrf_icp
 from hmrf_icp import datasets, se3
 from hmrf_icp.evaluate import protocol
+
+register = partial(hmrf_icp.register, preset="paper")
+"""These are statements about the paper's method and its parts."""
 
 AXES = protocol.Axes.random(4, seed=0)
 START = protocol.Start(math.pi / 30)  # the paper's: 6 degrees about the source's centroid
@@ -35,7 +39,7 @@ def test_a_turned_start_is_brought_back_to_the_known_pose(kitchen, target, sourc
     init = protocol.perturbed(truth, centroid, AXES, axis, START)
     assert se3.error(init, truth)[1] == pytest.approx(math.pi / 30)
 
-    result = hmrf_icp.register(free_cloud, fixed_cloud, init)
+    result = register(free_cloud, fixed_cloud, init)
 
     assert result.converged
     metres, radians = se3.error(result.transformation, truth)
@@ -54,7 +58,7 @@ def test_a_whole_vga_pair_is_registered_and_its_result_holds_together(shared):
     source, target = free.load(), fixed.load()
     seen = []
     # The known pose as the start: what is checked is that it stays, at full size.
-    result = hmrf_icp.register(
+    result = register(
         source,
         target,
         init=truth,

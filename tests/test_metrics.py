@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+from functools import partial
+
 import numpy as np
 import pytest
 
@@ -14,6 +16,9 @@ from hmrf_icp.match import Matches, NearestNeighbour
 from hmrf_icp.metrics import Pairing, PlaneToPlane, PointToPlane, Symmetric, extent, matrix
 from hmrf_icp.reject import Labels
 from hmrf_icp.surface import Surface, surface_of
+
+register = partial(hmrf_icp.register, preset="paper")
+"""These are statements about the paper's method and its parts."""
 
 METRICS = [PointToPlane, Symmetric, PlaneToPlane]
 NAMES = ("point-to-plane", "symmetric", "plane-to-plane")
@@ -166,7 +171,7 @@ def test_a_small_motion_of_an_exact_surface_is_found_exactly(name, seed):
     target = synthetic.patch(40, 50, -0.9, 0.9, rng, noise=0.0)
     truth = some_motion(rng, 0.02)
     source = se3.transform(se3.inverse(truth), target)
-    result = hmrf_icp.register(source, target, rejector="all", aligner=name, criteria=TIGHT)
+    result = register(source, target, rejector="all", aligner=name, criteria=TIGHT)
     assert result.converged
     assert result.degenerate == ()
     np.testing.assert_allclose(result.transformation, truth, atol=1e-8)
@@ -179,7 +184,7 @@ def test_where_the_frame_is_does_not_matter(name):
 
     def registered(frame):
         here = [PointCloud(se3.transform(frame, c), viewpoint=frame[:3, 3]) for c in clouds]
-        return hmrf_icp.register(*here, rejector="x84", aligner=name)
+        return register(*here, rejector="x84", aligner=name)
 
     frame = some_motion(rng, 1.0)
     plain, result = registered(np.eye(4)), registered(frame)
@@ -197,8 +202,8 @@ def test_where_the_frame_is_does_not_matter(name):
 def test_a_scene_ten_times_as_large_is_registered_alike(name):
     source, target = synthetic.pair(2, height=30, width=36, holes=0.0)
     criteria = Criteria(1e-6, 1e-6, 15)
-    small = hmrf_icp.register(source, target, rejector="x84", aligner=name, criteria=criteria)
-    large = hmrf_icp.register(
+    small = register(source, target, rejector="x84", aligner=name, criteria=criteria)
+    large = register(
         10 * source,
         10 * target,
         rejector="x84",
@@ -309,7 +314,7 @@ def test_the_information_is_the_inverse_covariance_of_the_pose(name):
         rng = np.random.default_rng(seed)
         source, target = (shapes.seen(shapes.corner, rng, noise=1.5e-3) for _ in range(2))
         start = some_motion(rng, 0.01)
-        result = hmrf_icp.register(
+        result = register(
             source, target, start, rejector="all", aligner=name, criteria=Criteria(1e-4, 1e-4, 10)
         )
         assert result.degenerate == ()
@@ -342,17 +347,17 @@ def test_metrics_have_names():
     assert set(NAMES) < set(presets.aligner_names())
     source, target = synthetic.pair(1)
     with pytest.raises(InputError, match=r"aligner: unknown 'chamfer'.*symmetric"):
-        hmrf_icp.register(source, target, aligner="chamfer")
-    by_name = hmrf_icp.register(source, target, rejector="x84", aligner="symmetric")
-    by_hand = hmrf_icp.register(source, target, rejector="x84", aligner=Symmetric())
+        register(source, target, aligner="chamfer")
+    by_name = register(source, target, rejector="x84", aligner="symmetric")
+    by_hand = register(source, target, rejector="x84", aligner=Symmetric())
     np.testing.assert_array_equal(by_name.transformation, by_hand.transformation)
     assert by_name.information.shape == (6, 6)
 
 
 def test_the_paper_is_point_to_point_and_says_nothing_of_its_information():
     source, target = synthetic.pair(1)
-    own = hmrf_icp.register(source, target, preset="paper")
-    named = hmrf_icp.register(source, target, preset="paper", aligner="point-to-point")
+    own = register(source, target, preset="paper")
+    named = register(source, target, preset="paper", aligner="point-to-point")
     np.testing.assert_array_equal(own.transformation, named.transformation)
     assert own.information is None
     assert own.degenerate == ()
@@ -385,7 +390,5 @@ def test_unorganised_clouds_have_surfaces_too():
     source = PointCloud(se3.transform(se3.inverse(truth), rng.permutation(points)))
     target = PointCloud(points)
     assert NearestNeighbour().prepare(source, target) is not None
-    result = hmrf_icp.register(
-        source, target, rejector="all", aligner="plane-to-plane", criteria=TIGHT
-    )
+    result = register(source, target, rejector="all", aligner="plane-to-plane", criteria=TIGHT)
     np.testing.assert_allclose(result.transformation, truth, atol=1e-8)

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from dataclasses import dataclass, replace
+from functools import partial
 
 import numpy as np
 import pytest
@@ -14,6 +15,9 @@ from hmrf_icp import PointCloud, presets, se3
 from hmrf_icp.align import Step
 from hmrf_icp.match import Matches, NearestNeighbour
 from hmrf_icp.reject import X84, Dynamic, KeepAll, KeepPercent, KeepSigma, Labels, first_valley
+
+register = partial(hmrf_icp.register, preset="paper")
+"""These are statements about the paper's method and its parts."""
 
 
 @dataclass(frozen=True)
@@ -60,22 +64,22 @@ def clouds():
 
 
 def test_another_matcher_gives_the_same_result(clouds):
-    own = hmrf_icp.register(*clouds)
-    other = hmrf_icp.register(*clouds, preset=replace(presets.PAPER, match=ScipyMatcher()))
+    own = register(*clouds)
+    other = register(*clouds, preset=replace(presets.PAPER, match=ScipyMatcher()))
     assert other.iterations == own.iterations
     np.testing.assert_allclose(other.transformation, own.transformation, atol=1e-9)
 
 
 def test_another_rejector_decides_who_is_an_inlier(clouds):
     source, target = clouds
-    result = hmrf_icp.register(source, target, rejector=KeepWithin(0.05))
+    result = register(source, target, rejector=KeepWithin(0.05))
     assert result.em_iterations == 0
     assert 0 < result.overlap < 1
     assert set(np.unique(result.inlier_probability[~np.isnan(result.inlier_probability)])) == {0, 1}
 
 
 def test_another_aligner_finds_another_motion(clouds):
-    result = hmrf_icp.register(*clouds, preset=replace(presets.PAPER, align=TranslationOnly()))
+    result = register(*clouds, preset=replace(presets.PAPER, align=TranslationOnly()))
     np.testing.assert_allclose(result.transformation[:3, :3], np.eye(3), atol=1e-12)
     assert result.iterations > 1
 
@@ -91,7 +95,7 @@ def test_a_rejector_sees_its_own_labels_of_the_iteration_before(clouds):
 
             return reject
 
-    result = hmrf_icp.register(*clouds, rejector=Remembering())
+    result = register(*clouds, rejector=Remembering())
     assert seen[0] is None
     assert [labels.em_iterations for labels in seen[1:]] == list(range(1, len(seen)))
     assert result.em_iterations == sum(range(1, len(seen) + 1))

@@ -14,7 +14,7 @@ from hmrf_icp import presets, se3
 from hmrf_icp.align import Aligner
 from hmrf_icp.cloud import PointCloud, as_cloud, require_registrable
 from hmrf_icp.degeneracy import FreeMotion
-from hmrf_icp.errors import RegistrationWarning
+from hmrf_icp.errors import InputError, RegistrationWarning
 from hmrf_icp.icp import Criteria, Iteration, Outcome, Registrar, rms
 from hmrf_icp.reject import Rejector
 from hmrf_icp.result import RegistrationResult
@@ -77,7 +77,12 @@ def register(
     start = se3.as_rigid(init, "init")
     warn_of_units(source, target)
 
-    method = (presets.preset(preset) if isinstance(preset, str) else preset).with_parts(
+    chosen = presets.preset(preset) if isinstance(preset, str) else preset
+    if not isinstance(chosen, Registrar):
+        raise InputError(
+            f"preset: unknown {preset!r}, expected a method or one of {', '.join(presets.names())}"
+        )
+    method = chosen.with_parts(
         reject=presets.rejector(rejector) if isinstance(rejector, str) else rejector,
         align=presets.aligner(aligner) if isinstance(aligner, str) else aligner,
         criteria=criteria,

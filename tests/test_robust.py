@@ -1,0 +1,171 @@
+"""The default preset on rendered views of the desk: no option is given anywhere."""
+
+from dataclasses import replace
+from functools import cache
+
+import numpy as np
+import pytest
+
+import hmrf_icp
+from hmrf_icp import presets, render, scenes, se3
+from hmrf_icp.evidence import Judge, evenly
+from hmrf_icp.match import NearestNeighbour
+from hmrf_icp.resolution import reduced
+from hmrf_icp.seen import Seen
+from hmrf_icp.surface import surface_of
+from hmrf_icp.view import view_of
+
+CAMERA = hmrf_icp.PinholeCamera(width=160, height=120, fx=146.25, fy=146.25, cx=79.75, cy=59.75)
+POSES = scenes.trajectory("desk", 60)
+FAR_START = (np.pi / 6, 0.3)
+
+
+@cache
+def frame(index, scale=1.0):
+    depth = render.render(scenes.desk(), CAMERA, POSES[index])
+    seen = render.sensor_noise(depth, CAMERA, np.random.default_rng(index))
+    return hmrf_icp.PointCloud.from_depth(seen / (1000.0 / scale), CAMERA)
+
+
+def true_motion(source, target):
+    return se3.inverse(POSES[target]) @ POSES[source]
+
+
+def perturbed(source, target, angle, shift, seed=0):
+    truth = true_motion(source, target)
+    axis, direction = np.random.default_rng(seed).normal(size=(2, 3))
+    centre = se3.transform(truth, frame(source).observed_points).mean(axis=0)
+    start = se3.rotation_about(axis, angle, centre) @ truth
+    start[:3, 3] += shift * direction / np.linalg.norm(direction)
+    return start
+
+
+@pytest.mark.parametrize(("source", "target"), [(4, 0), (10, 2), (20, 12)])
+def test_finds_the_pose_from_thirty_degrees_and_thirty_centimetres_off(source, target):
+    result = hmrf_icp.register(frame(source), frame(target), perturbed(source, target, *FAR_START))
+    metres, radians = se3.error(result.transformation, true_motion(source, target))
+    assert metres < 0.02
+    assert radians < 0.01
+    assert result.converged
+    assert result.confidence > 0.8
+
+
+def test_the_default_is_the_robust_preset():
+    assert presets.DEFAULT == "robust"
+    assert presets.names()[0] == "robust"
+
+
+def test_a_scene_ten_times_as_large_is_registered_in_the_same_way():
+    start = perturbed(6, 0, np.pi / 10, 0.1)
+    small = hmrf_icp.register(frame(6), frame(0), start)
+    start[:3, 3] *= 10.0
+    large = hmrf_icp.register(frame(6, 10.0), frame(0, 10.0), start)
+    np.testing.assert_allclose(
+        large.transformation[:3, :3], small.transformation[:3, :3], atol=1e-6
+    )
+    np.testing.assert_allclose(
+        large.transformation[:3, 3], 10.0 * small.transformation[:3, 3], atol=1e-5
+    )
+    assert large.overlap == pytest.approx(small.overlap, abs=1e-3)
+    assert large.confidence == pytest.approx(small.confidence, abs=1e-3)
+
+
+def test_two_runs_give_the_same_answer():
+    start = perturbed(6, 0, np.pi / 10, 0.0)
+    one, two = (hmrf_icp.register(frame(6), frame(0), start) for _ in range(2))
+    np.testing.assert_array_equal(one.transformation, two.transformation)
+    np.testing.assert_array_equal(one.inlier_probability, two.inlier_probability)
+
+
+def test_clouds_without_a_grid_or_a_viewpoint_are_registered_too():
+    source = hmrf_icp.PointCloud(frame(3).observed_points)
+    target = hmrf_icp.PointCloud(frame(0).observed_points)
+    result = hmrf_icp.register(source, target, perturbed(3, 0, np.pi / 30, 0.05))
+    metres, radians = se3.error(result.transformation, true_motion(3, 0))
+    assert metres < 0.02
+    assert radians < 0.01
+    assert result.inlier_probability.shape == source.shape
+    assert not result.verdict.seen
+
+
+def test_a_full_resolution_pair_has_a_label_at_every_observed_pixel():
+    camera = replace(CAMERA, width=320, height=240, fx=292.5, fy=292.5, cx=159.5, cy=119.5)
+    source, target = (
+        hmrf_icp.PointCloud.from_depth(render.render(scenes.desk(), camera, POSES[i]), camera)
+        for i in (4, 0)
+    )
+    result = hmrf_icp.register(source, target)
+    assert result.inlier_probability.shape == (240, 320)
+    np.testing.assert_array_equal(np.isnan(result.inlier_probability), ~source.observed)
+    assert 0.0 < result.overlap < 1.0
+
+
+def test_views_that_share_nothing_are_not_believed():
+    turned = se3.rotation_about([0.0, 1.0, 0.0], np.pi, POSES[0][:3, 3]) @ POSES[0]
+    depth = render.render(scenes.desk(), CAMERA, turned)
+    if not np.isfinite(depth).any():
+        pytest.skip("nothing stands behind the camera in this scene")
+    source = hmrf_icp.PointCloud.from_depth(depth, CAMERA)
+    assert hmrf_icp.register(source, frame(0)).confidence < 0.5
+
+
+def test_the_true_pose_violates_no_free_space_and_a_wrong_one_does():
+    judge = Judge(frame(4), frame(0), 2000)
+    truth = true_motion(4, 0)
+    off = truth.copy()
+    off[2, 3] -= 0.3
+    right, wrong = judge(truth), judge(off)
+    assert right.front <= 0.01 * right.agree
+    assert wrong.front > 10 * right.front + 10
+    assert right.score > wrong.score
+
+
+def test_a_view_tells_front_from_behind_from_outside():
+    view = view_of(frame(0))
+    surface = surface_of(frame(0))
+    rows = evenly(surface, 500)
+    points, normals = surface.points[rows], surface.normals[rows]
+    ask = lambda scale: np.bincount(  # noqa: E731
+        view.ask(points * scale, normals, np.eye(4)), minlength=5
+    )
+    same, nearer, farther = ask(1.0), ask(0.6), ask(1.5)
+    assert same[0] == len(rows)
+    assert nearer[1] > 0.9 * len(rows)
+    assert farther[2] > 0.8 * len(rows)
+    behind_the_camera = view.ask(-points, normals, np.eye(4))
+    assert (behind_the_camera == 3).all()
+
+
+def test_evidence_speaks_against_what_the_target_could_not_see():
+    source, target = frame(8), frame(0)
+    moved = se3.transform(true_motion(8, 0), source.observed_points)
+    matches = Seen(NearestNeighbour()).prepare(source, target)(moved)
+    u, v, _ = CAMERA.project(moved)
+    outside = ~((u > -2) & (u < 161) & (v > -2) & (v < 121))
+    assert outside.any()
+    assert (matches.evidence[outside] < 0).mean() > 0.95
+
+
+def test_evenly_takes_each_part_of_a_surface_by_its_area():
+    surface = surface_of(frame(0))
+    rows = evenly(surface, 1000)
+    near = surface.points[:, 2] < np.median(surface.points[:, 2])
+    share_of_area = surface.area[near].sum() / surface.area.sum()
+    assert near[rows].mean() == pytest.approx(share_of_area, abs=0.1)
+
+
+def test_a_reduced_cloud_stands_for_all_points():
+    cloud = frame(0)
+    few = reduced(cloud, 5000)
+    assert len(few.standing) == len(cloud)
+    gap = np.linalg.norm(few.cloud.observed_points[few.standing] - cloud.observed_points, axis=1)
+    assert np.median(gap) < 3 * surface_of(cloud).spacing
+    assert reduced(cloud, 50_000).standing is None
+
+
+def test_a_bare_wall_is_reported_as_free_to_slide():
+    depth = np.full((120, 160), 2.0) + np.random.default_rng(0).normal(0, 0.002, (120, 160))
+    source = hmrf_icp.PointCloud.from_depth(depth, CAMERA)
+    target = hmrf_icp.PointCloud.from_depth(np.roll(depth, 7, axis=0), CAMERA)
+    result = hmrf_icp.register(source, target)
+    assert len(result.degenerate) >= 1
