@@ -6,6 +6,11 @@ import os
 from pathlib import Path
 
 import pytest
+from hypothesis import settings
+
+# How long one example takes says how busy the machine is, and nothing of registration.
+settings.register_profile("unhurried", deadline=None)
+settings.load_profile("unhurried")
 
 # The clouds here are small: threads of the neighbour search would mostly wait for each other, and
 # on a busy machine for long. Read when the library is loaded, which no import above does.

@@ -45,6 +45,9 @@ MOST_ITERATIONS = 30
 FEWER = 4
 """The finalists are compared on this many times fewer source points than the winner has."""
 
+TIE = 0.005
+"""Scores that differ by less are equal."""
+
 SHORT = 8
 """Iterations for a finalist: the right one needs no more, and the others lead nowhere."""
 
@@ -105,9 +108,12 @@ class CoarseToFine:
 
         rough = [
             icp(few.cloud, onto.cloud, pose, short, on_iteration)
-            for pose in self.candidates(many.cloud, onto.cloud, init)
+            for pose in (init, *self.candidates(many.cloud, onto.cloud, init))
         ]
-        likeliest = max(rough, key=lambda outcome: judge(outcome.transformation).score)
+        worth = [judge(outcome.transformation).score for outcome in rough]
+        # Between poses that are equally likely, the one that the start leads to: what no
+        # evidence tells apart, such as two places along a bare wall, is not for us to choose.
+        likeliest = rough[0 if worth[0] >= max(worth) - TIE else int(np.argmax(worth))]
         fine = icp(many.cloud, onto.cloud, likeliest.transformation, method, on_iteration)
         verdict = judge(fine.transformation)
         outcome = replace(
