@@ -18,6 +18,9 @@ def njit(**options: Any) -> Callable[[Function], Function]:
     such a place costs the compilation in every process, and nothing else.
     """
 
+    # Nothing calls a kernel from C: a wrapper less to compile for each.
+    options["no_cfunc_wrapper"] = True
+
     def decorate(function: Function) -> Function:
         try:
             return cast(Function, numba.njit(cache=True, **options)(function))
