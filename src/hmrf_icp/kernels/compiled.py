@@ -17,7 +17,6 @@ def njit(**options: Any) -> Callable[[Function], Function]:
     folder nor the user's is writable (a read-only container without a home). Here
     such a place costs the compilation in every process, and nothing else.
     """
-
     # Nothing calls a kernel from C: a wrapper less to compile for each.
     options["no_cfunc_wrapper"] = True
 
