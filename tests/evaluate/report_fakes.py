@@ -11,25 +11,7 @@ from typing import Any
 
 import numpy as np
 
-COLUMNS = (
-    "pair",
-    "target",
-    "source",
-    "overlap",
-    "angle",
-    "translation",
-    "axis",
-    "method",
-    "error_m",
-    "error_rad",
-    "iterations",
-    "em_iterations",
-    "seconds",
-    "converged",
-    "confidence",
-    "fitness",
-    "failure",
-)
+from hmrf_icp.evaluate.results import COLUMNS
 
 THRESHOLDS = (0.05, 0.1, 0.2, 0.4, 0.8)
 
