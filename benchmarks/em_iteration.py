@@ -11,16 +11,14 @@ import time
 import numpy as np
 
 from depth_pairs import machine, vga_pair
-from hmrf_icp import se3
 from hmrf_icp.field import Grid, initial_labels
 from hmrf_icp.match import NearestNeighbour
+from hmrf_icp.placed import Placed
 
 
 def distances(source, target, init):
     """Y on the source's grid at the start of the registration."""
-    matches = NearestNeighbour().prepare(source, target)(
-        se3.transform(init, source.observed_points)
-    )
+    matches = NearestNeighbour().prepare(source, target)(Placed.at(init, source.observed_points))
     return matches.distance
 
 

@@ -13,6 +13,7 @@ from hmrf_icp import Criteria, FreeMotion, PointCloud, se3
 from hmrf_icp.degeneracy import split, unit_twists
 from hmrf_icp.match import NearestNeighbour
 from hmrf_icp.metrics import Pairing, PlaneToPlane, PointToPlane, Symmetric, extent
+from hmrf_icp.placed import Placed
 from hmrf_icp.reject import Labels
 from hmrf_icp.surface import surface_of
 
@@ -67,14 +68,14 @@ def test_neither_the_noise_nor_its_seed_decides(shape, translations, rotations, 
 @pytest.mark.parametrize("shape", [shapes.wall, shapes.corridor, shapes.sphere, shapes.cylinder])
 def test_a_step_has_nothing_of_what_is_free(shape, metric):
     source, target = views(shape)
-    moved = se3.transform(START, source.observed_points)
-    matches = NearestNeighbour().prepare(source, target)(moved)
-    one = np.ones(len(moved))
-    step = metric().prepare(source, target)(moved, matches, Labels(one))
+    placed = Placed.at(START, source.observed_points)
+    matches = NearestNeighbour().prepare(source, target)(placed)
+    one = np.ones(len(placed.points))
+    step = metric().prepare(source, target)(placed, matches, Labels(one))
     assert len(step.degenerate) > 0
     # In the coordinates of the solution: about the centre, a radian as long as the points are far.
     pairing = Pairing(surface_of(source), surface_of(target))
-    m = pairing.matched(moved, matches.index, one)
+    m = pairing.matched(placed, matches.index, one)
     centre, length = extent(m.points, m.weight)
     units = np.array([length] * 3 + [1.0] * 3)
     about = se3.rigid(np.eye(3), -centre)

@@ -14,6 +14,7 @@ from hmrf_icp import Criteria, InputError, PointCloud, presets, se3
 from hmrf_icp.kernels import metrics as kernels
 from hmrf_icp.match import Matches, NearestNeighbour
 from hmrf_icp.metrics import Pairing, PlaneToPlane, PointToPlane, Symmetric, extent, matrix
+from hmrf_icp.placed import Placed
 from hmrf_icp.reject import Labels
 from hmrf_icp.surface import Surface, surface_of
 
@@ -57,6 +58,11 @@ def moved_surface(motion, s):
     )
 
 
+def here(s):
+    """The points of a surface, moved nowhere."""
+    return Placed(s.points, np.eye(4))
+
+
 def matches_of(count):
     return Matches(np.arange(count), np.zeros(count))
 
@@ -81,7 +87,7 @@ def crossed():
     source, target = bumpy(rng, 40), bumpy(rng, 40)
     source = moved_surface(some_motion(rng, 0.2), source)
     chance = rng.uniform(0, 1, 40)
-    m = Pairing(source, target).matched(source.points, rng.permutation(40), chance)
+    m = Pairing(source, target).matched(here(source), rng.permutation(40), chance)
     return m, some_motion(rng, 0.1), np.array([0.3, -0.2, 1.0])
 
 
@@ -159,7 +165,7 @@ def test_known_matches_give_the_motion_at_once(metric, seed):
     truth = some_motion(rng, 0.15)
     source = moved_surface(se3.inverse(truth), target)
     align = metric().between(source, target)
-    step = align(source.points, matches_of(300), Labels(np.ones(300)))
+    step = align(here(source), matches_of(300), Labels(np.ones(300)))
     np.testing.assert_allclose(step.motion, truth, atol=1e-9)
     assert step.degenerate.shape == (0, 6)
 
@@ -233,10 +239,10 @@ def test_a_match_without_weight_is_as_good_as_absent(metric, weights):
     row = np.where(wrong, rng.integers(0, 200, 300), np.arange(300))
     labels = Labels(np.where(wrong, -1.0, 1.0))
     align = metric(weights=weights).between(source, target)
-    some = align(source.points, Matches(row, np.zeros(300)), labels)
+    some = align(here(source), Matches(row, np.zeros(300)), labels)
     first = surface(source.points[:200], source.normals[:200])
     alone = metric(weights=weights).between(first, target)
-    none = alone(first.points, Matches(row[:200], np.zeros(200)), Labels(np.ones(200)))
+    none = alone(here(first), Matches(row[:200], np.zeros(200)), Labels(np.ones(200)))
     np.testing.assert_allclose(some.motion, none.motion, atol=1e-10)
     np.testing.assert_allclose(some.information, none.information, rtol=1e-8, atol=1e-3)
 
@@ -250,11 +256,11 @@ def test_soft_weights_count_by_probability_and_hard_ones_by_sign():
 
     def step(weights):
         align = PointToPlane(weights=weights).between(source, target)
-        return align(source.points, Matches(row, np.zeros(300)), Labels(z)).motion
+        return align(here(source), Matches(row, np.zeros(300)), Labels(z)).motion
 
     assert not np.allclose(step("soft"), step("hard"), atol=1e-4)
     everything = PointToPlane().between(source, target)(
-        source.points, Matches(row, np.zeros(300)), Labels(np.ones(300))
+        here(source), Matches(row, np.zeros(300)), Labels(np.ones(300))
     )
     np.testing.assert_allclose(step("hard"), everything.motion, atol=1e-10)
     with pytest.raises(InputError, match="soft"):
@@ -267,7 +273,7 @@ def test_near_points_count_for_more_than_far_ones():
     rng = np.random.default_rng(0)
     cloud = shapes.seen(shapes.corridor, rng, noise=2e-3)
     s = surface_of(cloud)
-    m = Pairing(s, s).matched(s.points, np.arange(len(s.points)), np.ones(len(s.points)))
+    m = Pairing(s, s).matched(here(s), np.arange(len(s.points)), np.ones(len(s.points)))
     depth = s.points[:, 2]
     near, far = m.weight[depth < 2.2].mean(), m.weight[depth > 3.8].mean()
     # Noise goes with the square of the depth, the weight with its fourth power: (3.8 / 2.2)^4 = 9.
@@ -281,11 +287,11 @@ def test_a_point_without_a_normal_or_seen_from_behind_is_left_out():
     normals[:3] = 0.0
     normals[3:5] *= -1.0
     source = surface(target.points, normals)
-    m = Pairing(source, target).matched(source.points, np.arange(20), np.ones(20))
+    m = Pairing(source, target).matched(here(source), np.arange(20), np.ones(20))
     np.testing.assert_array_equal(m.weight > 0, np.arange(20) >= 5)
     # Without a viewpoint the sign says nothing.
     unknown = surface(target.points, normals, oriented=False)
-    m = Pairing(unknown, target).matched(source.points, np.arange(20), np.ones(20))
+    m = Pairing(unknown, target).matched(here(source), np.arange(20), np.ones(20))
     np.testing.assert_array_equal(m.weight > 0, np.arange(20) >= 3)
 
 
@@ -293,7 +299,7 @@ def test_a_target_point_matched_often_is_one_measurement():
     rng = np.random.default_rng(2)
     target = bumpy(rng, 10)
     source = surface(target.points[np.zeros(8, int)], target.normals[np.zeros(8, int)], noise=1e-6)
-    m = Pairing(source, target).matched(source.points, np.zeros(8, int), np.ones(8))
+    m = Pairing(source, target).matched(here(source), np.zeros(8, int), np.ones(8))
     assert m.weight.sum() == pytest.approx(1 / target.noise[0] ** 2, rel=1e-3)
 
 
@@ -303,7 +309,7 @@ def test_too_few_matches_determine_nothing(metric):
     target = bumpy(rng, 30)
     z = np.where(np.arange(30) < 5, 1.0, -1.0)
     align = metric().between(target, target)
-    assert align(target.points, matches_of(30), Labels(z)) is None
+    assert align(here(target), matches_of(30), Labels(z)) is None
 
 
 @pytest.mark.parametrize("name", NAMES)
@@ -337,8 +343,8 @@ def test_more_noise_than_the_clouds_tell_of_is_noticed():
     quiet = PointToPlane().between(target, target)
     loud = PointToPlane().between(bent, target)
     labels = Labels(np.ones(300))
-    promised = quiet(target.points, matches_of(300), labels).information
-    admitted = loud(bent.points, matches_of(300), labels).information
+    promised = quiet(here(target), matches_of(300), labels).information
+    admitted = loud(here(bent), matches_of(300), labels).information
     assert np.trace(admitted) < 0.05 * np.trace(promised)
 
 
@@ -371,14 +377,13 @@ def test_points_are_centred_by_weight():
 
 
 def test_a_cloud_may_turn_any_way():
-    # The normals turn with the points: found from the points alone, at any angle.
     rng = np.random.default_rng(7)
     target = bumpy(rng)
     for _ in range(5):
         motion = some_motion(rng, 2.0)
         source = moved_surface(se3.inverse(motion), target)
         m = Pairing(source, target).matched(
-            se3.transform(motion, source.points), np.arange(300), np.ones(300)
+            Placed.at(motion, source.points), np.arange(300), np.ones(300)
         )
         np.testing.assert_allclose(m.normals, target.normals, atol=1e-9)
 

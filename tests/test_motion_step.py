@@ -12,6 +12,7 @@ from hmrf_icp import se3
 from hmrf_icp.align import PointToPoint, best_motion
 from hmrf_icp.cloud import PointCloud
 from hmrf_icp.match import Matches
+from hmrf_icp.placed import Placed
 from hmrf_icp.reject import Labels
 
 SEEDS = st.integers(0, 2**32 - 1)
@@ -130,6 +131,8 @@ def test_only_inliers_count_and_two_are_too_few():
     align = PointToPoint().prepare(PointCloud(points), PointCloud(target))
     matches = Matches(np.arange(20), np.zeros(20))
     z = np.where(np.arange(20) < 10, 0.3, -0.3)
-    np.testing.assert_allclose(align(points, matches, Labels(z)).motion, truth, atol=1e-9)
+    np.testing.assert_allclose(
+        align(Placed(points, np.eye(4)), matches, Labels(z)).motion, truth, atol=1e-9
+    )
     two = np.where(np.arange(20) < 2, 1.0, -1.0)
-    assert align(points, matches, Labels(two)) is None
+    assert align(Placed(points, np.eye(4)), matches, Labels(two)) is None

@@ -14,6 +14,7 @@ import synthetic
 from hmrf_icp import PointCloud, presets, se3
 from hmrf_icp.align import Step
 from hmrf_icp.match import Matches, NearestNeighbour
+from hmrf_icp.placed import Placed
 from hmrf_icp.reject import X84, Dynamic, KeepAll, KeepPercent, KeepSigma, Labels, first_valley
 
 register = partial(hmrf_icp.register, preset="paper")
@@ -27,8 +28,8 @@ class ScipyMatcher:
     def prepare(self, source, target):
         tree = cKDTree(target.observed_points)
 
-        def match(moved):
-            distance, index = tree.query(moved)
+        def match(source):
+            distance, index = tree.query(source.points)
             return Matches(index, distance)
 
         return match
@@ -51,8 +52,8 @@ class TranslationOnly:
     def prepare(self, source, target):
         closest = target.observed_points
 
-        def align(moved, matches, labels):
-            difference = (closest[matches.index] - moved)[labels.inlier]
+        def align(source, matches, labels):
+            difference = (closest[matches.index] - source.points)[labels.inlier]
             return Step(se3.rigid(np.eye(3), difference.mean(axis=0)))
 
         return align
@@ -175,7 +176,7 @@ def test_nearest_neighbours_skip_the_holes_of_the_target():
     target[1:4, 2:5] = np.nan
     cloud = PointCloud(target)
     moved = np.random.default_rng(1).normal(size=(30, 3))
-    matches = NearestNeighbour().prepare(cloud, cloud)(moved)
+    matches = NearestNeighbour().prepare(cloud, cloud)(Placed(moved, np.eye(4)))
     distance = np.linalg.norm(moved[:, None] - cloud.observed_points[None], axis=2)
     np.testing.assert_array_equal(matches.index, distance.argmin(axis=1))
     np.testing.assert_allclose(matches.distance, distance.min(axis=1), atol=1e-15)

@@ -10,6 +10,7 @@ import hmrf_icp
 from hmrf_icp import presets, render, scenes, se3
 from hmrf_icp.evidence import Judge, evenly
 from hmrf_icp.match import NearestNeighbour
+from hmrf_icp.placed import Placed
 from hmrf_icp.resolution import reduced
 from hmrf_icp.seen import Seen
 from hmrf_icp.surface import surface_of
@@ -138,9 +139,9 @@ def test_a_view_tells_front_from_behind_from_outside():
 
 def test_evidence_speaks_against_what_the_target_could_not_see():
     source, target = frame(8), frame(0)
-    moved = se3.transform(true_motion(8, 0), source.observed_points)
-    matches = Seen(NearestNeighbour()).prepare(source, target)(moved)
-    u, v, _ = CAMERA.project(moved)
+    placed = Placed.at(true_motion(8, 0), source.observed_points)
+    matches = Seen(NearestNeighbour()).prepare(source, target)(placed)
+    u, v, _ = CAMERA.project(placed.points)
     outside = ~((u > -2) & (u < 161) & (v > -2) & (v < 121))
     assert outside.any()
     assert (matches.evidence[outside] < 0).mean() > 0.95

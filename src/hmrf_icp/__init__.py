@@ -3,6 +3,7 @@
 from hmrf_icp import presets
 from hmrf_icp.camera import PinholeCamera
 from hmrf_icp.cloud import PointCloud
+from hmrf_icp.criteria import Criteria, RelativeCriteria
 from hmrf_icp.degeneracy import FreeMotion
 from hmrf_icp.errors import (
     HmrfIcpError,
@@ -11,7 +12,7 @@ from hmrf_icp.errors import (
     RegistrationWarning,
 )
 from hmrf_icp.evidence import Verdict
-from hmrf_icp.icp import Criteria, Iteration, Method
+from hmrf_icp.icp import Iteration, Method
 from hmrf_icp.registration import register
 from hmrf_icp.result import RegistrationResult
 
@@ -29,6 +30,7 @@ __all__ = [
     "PointCloud",
     "RegistrationResult",
     "RegistrationWarning",
+    "RelativeCriteria",
     "Verdict",
     "presets",
     "register",

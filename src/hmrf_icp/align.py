@@ -15,6 +15,7 @@ from numpy.typing import NDArray
 from hmrf_icp import se3
 from hmrf_icp.cloud import PointCloud
 from hmrf_icp.match import Matches
+from hmrf_icp.placed import Placed
 from hmrf_icp.reject import Labels
 
 Array = NDArray[np.float64]
@@ -51,12 +52,12 @@ class Step:
 
 
 class Align(Protocol):
-    """Find the :class:`Step` for source points that have been moved to (M, 3).
+    """Find the :class:`Step` for the source where it is now.
 
     None where the inliers do not determine a motion.
     """
 
-    def __call__(self, moved: Array, matches: Matches, labels: Labels) -> Step | None:
+    def __call__(self, source: Placed, matches: Matches, labels: Labels) -> Step | None:
         """Align."""
 
 
@@ -75,11 +76,11 @@ class PointToPoint:
         """Nothing but the target's points is needed."""
         closest = target.observed_points
 
-        def align(moved: Array, matches: Matches, labels: Labels) -> Step | None:
+        def align(source: Placed, matches: Matches, labels: Labels) -> Step | None:
             inlier = labels.inlier
             if np.count_nonzero(inlier) < MINIMUM_INLIERS:
                 return None
-            return Step(best_motion(moved[inlier], closest[matches.index[inlier]]))
+            return Step(best_motion(source.points[inlier], closest[matches.index[inlier]]))
 
         return align
 

@@ -20,9 +20,9 @@ from hmrf_icp import se3
 from hmrf_icp.align import Aligner
 from hmrf_icp.cloud import PointCloud
 from hmrf_icp.confidence import confidence
+from hmrf_icp.criteria import StoppingRule
 from hmrf_icp.evidence import Judge
-from hmrf_icp.icp import Criteria, Iteration, Method, Outcome, icp
-from hmrf_icp.match import Matcher
+from hmrf_icp.icp import Iteration, Loop, Method, Outcome
 from hmrf_icp.reject import Rejector
 from hmrf_icp.resolution import Reduced, reduced
 from hmrf_icp.starts import Annealer, Level, distinct, turned
@@ -36,11 +36,6 @@ ASKED_EARLY, ASKED_LATE = 1000, 4000
 
 COARSE = Level(600, 2500, 40, 8, (0.15, 0.08, 0.04, 0.02), 4)
 MIDDLE = Level(1500, 6000, 56, 3, (0.04, 0.03, 0.02, 0.015), 4)
-
-SMALL = 1e-4
-"""A step (rad, and share of the target's size) after which the next is not worth it."""
-
-MOST_ITERATIONS = 30
 
 FEWER = 4
 """The finalists are compared on this many times fewer source points than the winner has."""
@@ -61,10 +56,8 @@ class CoarseToFine:
 
     Parameters
     ----------
-    match, reject, align
-        The parts of Algorithm 1 that the last candidates go through.
-    criteria
-        When that stops; None for steps below 1e-4 rad and 1e-4 of the target's size.
+    method
+        Algorithm 1 that the last candidates go through.
     turn, apart
         How far the start is turned, and the edge of the lattice of turns, radians.
     coarse, middle
@@ -76,10 +69,7 @@ class CoarseToFine:
         thinned out, and their labels filled in from the points that were kept.
     """
 
-    match: Matcher
-    reject: Rejector
-    align: Aligner
-    criteria: Criteria | None = None
+    method: Method
     turn: float = math.radians(40.0)
     apart: float = math.radians(20.0)
     coarse: Level = COARSE
@@ -99,22 +89,17 @@ class CoarseToFine:
         many, onto = reduced(source, self.points), reduced(target, self.points)
         few = reduced(many.cloud, self.points // FEWER)
         judge = Judge(many.cloud, onto.cloud, ASKED_LATE)
-        size = surface_of(onto.cloud).size
-        criteria = self.criteria or Criteria(SMALL * size, SMALL, MOST_ITERATIONS)
-        method = Method(self.match, self.reject, self.align, criteria)
-        short = replace(
-            method, criteria=replace(criteria, max_iterations=min(SHORT, criteria.max_iterations))
-        )
 
+        loop = Loop(few.cloud, onto.cloud, self.method)
         rough = [
-            icp(few.cloud, onto.cloud, pose, short, on_iteration)
+            loop(pose, on_iteration, SHORT)
             for pose in (init, *self.candidates(many.cloud, onto.cloud, init))
         ]
         worth = [judge(outcome.transformation).score for outcome in rough]
         # Between poses that are equally likely, the one that the start leads to: what no
         # evidence tells apart, such as two places along a bare wall, is not for us to choose.
         likeliest = rough[0 if worth[0] >= max(worth) - TIE else int(np.argmax(worth))]
-        fine = icp(many.cloud, onto.cloud, likeliest.transformation, method, on_iteration)
+        fine = Loop(many.cloud, onto.cloud, self.method)(likeliest.transformation, on_iteration)
         verdict = judge(fine.transformation)
         outcome = replace(
             fine,
@@ -129,30 +114,25 @@ class CoarseToFine:
         self,
         reject: Rejector | None = None,
         align: Aligner | None = None,
-        criteria: Criteria | None = None,
+        criteria: StoppingRule | None = None,
     ) -> CoarseToFine:
         """Return the same with some of the parts of Algorithm 1 replaced."""
-        return replace(
-            self,
-            reject=self.reject if reject is None else reject,
-            align=self.align if align is None else align,
-            criteria=self.criteria if criteria is None else criteria,
-        )
+        return replace(self, method=self.method.with_parts(reject, align, criteria))
 
     def candidates(self, source: PointCloud, target: PointCloud, init: Array) -> Array:
         """Poses (K, 4, 4) worth refining, the likeliest first."""
-        mine, theirs = surface_of(source), surface_of(target)
         judge = Judge(source, target, ASKED_EARLY)
-        near = 0.03 * theirs.size
+        size = surface_of(target).size
 
-        starts = turned(init, se3.transform(init, centre(mine)), self.turn, self.apart)
-        poses = Annealer(mine, theirs, self.coarse)(starts)
+        pivot = se3.transform(init, centre(surface_of(source)))
+        starts = turned(init, pivot, self.turn, self.apart)
+        poses = Annealer(source, target, self.coarse)(starts)
         worth = np.array([judge(pose).balance for pose in poses])
-        poses = poses[distinct(poses, worth, self.kept, 0.05, near)]
+        poses = poses[distinct(poses, worth, self.kept, 0.05, 0.03 * size)]
 
-        poses = Annealer(mine, theirs, self.middle)(poses)
+        poses = Annealer(source, target, self.middle)(poses)
         worth = np.array([judge(pose).score for pose in poses])
-        return np.asarray(poses[distinct(poses, worth, self.finalists, 0.01, 0.01 * theirs.size)])
+        return np.asarray(poses[distinct(poses, worth, self.finalists, 0.01, 0.01 * size)])
 
 
 def centre(surface: Surface) -> Array:

@@ -10,6 +10,7 @@ from numpy.typing import NDArray
 
 from hmrf_icp import se3
 from hmrf_icp.cloud import PointCloud
+from hmrf_icp.match import tree_of
 from hmrf_icp.surface import Surface, surface_of
 from hmrf_icp.view import BAND, view_of
 
@@ -116,11 +117,9 @@ class Asked(Protocol):
 class Near:
     """A surface seen from nowhere in particular: points are near it, or outside."""
 
-    def __init__(self, surface: Surface) -> None:
-        from pykdtree.kdtree import KDTree
-
-        self._surface = surface
-        self._tree = KDTree(surface.points)
+    def __init__(self, cloud: PointCloud) -> None:
+        self._surface = surface = surface_of(cloud)
+        self._tree = tree_of(cloud)
         self._band = BAND * surface.noise + np.sqrt(surface.area)
 
     def ask(self, points: Array, normals: Array, pose: Array) -> NDArray[np.uint8]:
@@ -151,7 +150,7 @@ class Judge:
         self._by_target: Asked | None = view_of(target)
         self._seen = self._by_source is not None or self._by_target is not None
         if not self._seen:
-            self._by_source, self._by_target = Near(surface_of(source)), Near(surface_of(target))
+            self._by_source, self._by_target = Near(source), Near(target)
 
     def __call__(self, pose: Array) -> Verdict:
         """Ask about one pose (4, 4), source to target."""

@@ -13,6 +13,7 @@ from hmrf_icp import presets, se3
 from hmrf_icp.cloud import PointCloud
 from hmrf_icp.errors import InputError
 from hmrf_icp.oblique import Patches, bounds, draw, lit, viewing_frame
+from hmrf_icp.placed import Placed
 from hmrf_icp.result import RegistrationResult
 from hmrf_icp.se3 import Array
 
@@ -85,8 +86,9 @@ def field_before_first_step(
         with this source.
     """
     method: Any = presets.preset(preset) if isinstance(preset, str) else preset
-    moved = se3.transform(se3.as_rigid(init), source.observed_points)
-    matches = method.match.prepare(source, target)(moved)
+    method = getattr(method, "method", method)  # the loop within, where there is more round it
+    placed = Placed.at(se3.as_rigid(init), source.observed_points)
+    matches = method.match.prepare(source, target)(placed)
     last = first = method.reject.prepare(source, target)(matches, None)
     if hasattr(method.reject, "first_steps") and last.em_iterations > 1:
         first = replace(method.reject, first_steps=1).prepare(source, target)(matches, None)

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Callable, Mapping
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 from typing import Protocol, runtime_checkable
 
 import numpy as np
@@ -12,51 +12,13 @@ from numpy.typing import NDArray
 from hmrf_icp import se3
 from hmrf_icp.align import Align, Aligner, Step
 from hmrf_icp.cloud import PointCloud
-from hmrf_icp.errors import InputError
+from hmrf_icp.criteria import Criteria, StoppingRule, at_most
 from hmrf_icp.evidence import Verdict
 from hmrf_icp.match import Match, Matcher, Matches
+from hmrf_icp.placed import Placed
 from hmrf_icp.reject import Labels, Reject, Rejector
 
 Array = NDArray[np.float64]
-
-
-@dataclass(frozen=True)
-class Criteria:
-    """When the loop stops.
-
-    Parameters
-    ----------
-    translation
-        A step is small whose translation is below this, metres, and
-    rotation
-        whose angle is below this, radians.
-    max_iterations
-        Iterations after which it stops without having converged.
-
-    Raises
-    ------
-    InputError
-        One of them is negative or NaN.
-    """
-
-    translation: float = 0.01
-    rotation: float = 0.001
-    max_iterations: int = 50
-
-    def __post_init__(self) -> None:
-        """Refuse what no step could meet by mistake; 0 is the way to say never."""
-        for name in ("translation", "rotation", "max_iterations"):
-            if not getattr(self, name) >= 0:
-                raise InputError(
-                    f"criteria: expected a {name} of 0 or more, got {getattr(self, name)}"
-                )
-
-    def met(self, step: Array) -> bool:
-        """Whether a step (4, 4) is small enough to stop."""
-        return (
-            se3.translation_norm(step) < self.translation
-            and se3.rotation_angle(step) < self.rotation
-        )
 
 
 @dataclass(frozen=True)
@@ -66,7 +28,7 @@ class Method:
     match: Matcher
     reject: Rejector
     align: Aligner
-    criteria: Criteria
+    criteria: StoppingRule = field(default_factory=Criteria)
 
     def run(
         self,
@@ -82,7 +44,7 @@ class Method:
         self,
         reject: Rejector | None = None,
         align: Aligner | None = None,
-        criteria: Criteria | None = None,
+        criteria: StoppingRule | None = None,
     ) -> Method:
         """Return this method with some of its parts replaced."""
         return Method(
@@ -110,7 +72,7 @@ class Registrar(Protocol):
         self,
         reject: Rejector | None = None,
         align: Aligner | None = None,
-        criteria: Criteria | None = None,
+        criteria: StoppingRule | None = None,
     ) -> Registrar:
         """Return the same with some of its parts replaced."""
 
@@ -166,6 +128,82 @@ class Outcome:
     confidence: float | None = None
 
 
+class Loop:
+    """Algorithm 1 on one pair of clouds: its parts prepared once, run from any number of starts.
+
+    Parameters
+    ----------
+    source, target
+        The free and the fixed cloud.
+    method
+        The parts.
+    """
+
+    def __init__(self, source: PointCloud, target: PointCloud, method: Method) -> None:
+        self._points = source.observed_points
+        self._match: Match = method.match.prepare(source, target)
+        self._reject: Reject = method.reject.prepare(source, target)
+        self._align: Align = method.align.prepare(source, target)
+        self._criteria = method.criteria.on(target)
+
+    def __call__(
+        self,
+        init: Array,
+        on_iteration: Callable[[Iteration], None] | None = None,
+        most: int | None = None,
+    ) -> Outcome:
+        """Run from ``init`` (4, 4), for at most ``most`` iterations if that is fewer.
+
+        ``on_iteration`` is called after every iteration, for progress.
+        """
+        match, reject, align = self._match, self._reject, self._align
+        criteria = self._criteria if most is None else at_most(self._criteria, most)
+
+        source = Placed.at(init, self._points)
+        matches = match(source)
+        labels = reject(matches, None)
+        em_before = em_iterations = labels.em_iterations
+
+        history: list[Iteration] = []
+        last: Step | None = None
+        converged = stuck = False
+        while not converged and len(history) < criteria.max_iterations:
+            labels = reject(matches, labels)
+            em_iterations += labels.em_iterations
+            step = align(source, matches, labels)
+            stuck = step is None
+            if step is None:
+                break
+            last = step
+            source = source.moved(step.motion)
+            history.append(
+                Iteration(
+                    iteration=len(history) + 1,
+                    em_iterations=em_before + labels.em_iterations,
+                    inlier_share=float(labels.inlier.mean()),
+                    step_translation=se3.translation_norm(step.motion),
+                    step_rotation=se3.rotation_angle(step.motion),
+                    inlier_rmse=rms(matches.distance[labels.inlier]),
+                    parameters=labels.parameters,
+                )
+            )
+            em_before = 0
+            matches = match(source)
+            converged = criteria.met(step.motion)
+            if on_iteration is not None:
+                on_iteration(history[-1])
+        return Outcome(
+            source.transformation,
+            matches,
+            labels,
+            converged,
+            em_iterations,
+            last,
+            tuple(history),
+            stuck,
+        )
+
+
 def icp(
     source: PointCloud,
     target: PointCloud,
@@ -173,62 +211,8 @@ def icp(
     method: Method,
     on_iteration: Callable[[Iteration], None] | None = None,
 ) -> Outcome:
-    """Run Algorithm 1 with the parts of ``method``.
-
-    Parameters
-    ----------
-    source, target
-        The free and the fixed cloud.
-    init
-        (4, 4) T_init, source to target.
-    method
-        The parts.
-    on_iteration
-        Called after every iteration, for progress.
-    """
-    match: Match = method.match.prepare(source, target)
-    reject: Reject = method.reject.prepare(source, target)
-    align: Align = method.align.prepare(source, target)
-
-    points = source.observed_points
-    transformation = init
-    moved = se3.transform(transformation, points)
-    matches = match(moved)
-    labels = reject(matches, None)
-    em_before = em_iterations = labels.em_iterations
-
-    history: list[Iteration] = []
-    last: Step | None = None
-    converged = stuck = False
-    while not converged and len(history) < method.criteria.max_iterations:
-        labels = reject(matches, labels)
-        em_iterations += labels.em_iterations
-        step = align(moved, matches, labels)
-        stuck = step is None
-        if step is None:
-            break
-        last = step
-        transformation = step.motion @ transformation
-        moved = se3.transform(step.motion, moved)
-        history.append(
-            Iteration(
-                iteration=len(history) + 1,
-                em_iterations=em_before + labels.em_iterations,
-                inlier_share=float(labels.inlier.mean()),
-                step_translation=se3.translation_norm(step.motion),
-                step_rotation=se3.rotation_angle(step.motion),
-                inlier_rmse=rms(matches.distance[labels.inlier]),
-                parameters=labels.parameters,
-            )
-        )
-        em_before = 0
-        matches = match(moved)
-        converged = method.criteria.met(step.motion)
-        if on_iteration is not None:
-            on_iteration(history[-1])
-    return Outcome(
-        transformation, matches, labels, converged, em_iterations, last, tuple(history), stuck
-    )
+    """Run Algorithm 1 with the parts of ``method``, once, from ``init`` (4, 4)."""
+    return Loop(source, target, method)(init, on_iteration)
 
 
 def rms(distance: Array) -> float:

@@ -3,12 +3,17 @@
 from __future__ import annotations
 
 from dataclasses import dataclass
-from typing import Protocol
+from typing import TYPE_CHECKING, Protocol
 
 import numpy as np
 from numpy.typing import NDArray
 
+from hmrf_icp import kept
 from hmrf_icp.cloud import PointCloud
+from hmrf_icp.placed import Placed
+
+if TYPE_CHECKING:
+    from pykdtree.kdtree import KDTree
 
 
 @dataclass(frozen=True, eq=False)
@@ -32,9 +37,9 @@ class Matches:
 
 
 class Match(Protocol):
-    """Find the matches of source points that have been moved to (M, 3), metres."""
+    """Find the matches of the source where it is now."""
 
-    def __call__(self, moved: NDArray[np.float64]) -> Matches:
+    def __call__(self, source: Placed) -> Matches:
         """Match."""
 
 
@@ -51,12 +56,21 @@ class NearestNeighbour:
 
     def prepare(self, source: PointCloud, target: PointCloud) -> Match:
         """Build the tree of the target's observed points."""
-        from pykdtree.kdtree import KDTree
+        tree = tree_of(target)
 
-        tree = KDTree(target.observed_points)
-
-        def match(moved: NDArray[np.float64]) -> Matches:
-            distance, index = tree.query(np.ascontiguousarray(moved))
+        def match(source: Placed) -> Matches:
+            distance, index = tree.query(np.ascontiguousarray(source.points))
             return Matches(index.astype(np.intp), distance)
 
         return match
+
+
+def tree_of(cloud: PointCloud) -> KDTree:
+    """k-d tree of a cloud's observed points; built once a cloud."""
+
+    def build() -> KDTree:
+        from pykdtree.kdtree import KDTree
+
+        return KDTree(cloud.observed_points)
+
+    return kept.once(cloud, "tree", build)

@@ -21,11 +21,12 @@ import numpy as np
 from numpy.typing import NDArray
 
 from hmrf_icp import se3
-from hmrf_icp.align import Align, Step, best_motion
+from hmrf_icp.align import Align, Step
 from hmrf_icp.cloud import PointCloud
 from hmrf_icp.degeneracy import about_origin, split, unit_twists
 from hmrf_icp.errors import InputError
 from hmrf_icp.match import Matches
+from hmrf_icp.placed import Placed
 from hmrf_icp.reject import Labels
 from hmrf_icp.surface import Surface, surface_of
 
@@ -110,9 +111,9 @@ class SurfaceMetric:
         """Align surfaces that are known already."""
         pairing = Pairing(source, target)
 
-        def align(moved: Array, matches: Matches, labels: Labels) -> Step | None:
+        def align(source: Placed, matches: Matches, labels: Labels) -> Step | None:
             chance = labels.probability if self.weights == "soft" else labels.inlier.astype(float)
-            return self._step(pairing.matched(moved, matches.index, chance))
+            return self._step(pairing.matched(source, matches.index, chance))
 
         return align
 
@@ -226,21 +227,18 @@ class Pairing:
 
     def __init__(self, source: Surface, target: Surface) -> None:
         self._source, self._target = source, target
-        self._corners = corners(source.points)
         self._oriented = source.oriented and target.oriented
         self._tilts = source.tilt, target.tilt
         self._least = (LEAST_NOISE * source.size) ** 2
 
-    def matched(self, moved: Array, row: NDArray[np.intp], chance: Array) -> Matched:
-        """Weigh the matches of the source moved to (M, 3) with rows of the target.
+    def matched(self, placed: Placed, row: NDArray[np.intp], chance: Array) -> Matched:
+        """Weigh the matches of the source where it is now with rows of the target.
 
         ``chance`` (M,) is what each counts for, apart from its noise.
         """
         from hmrf_icp.kernels import metrics as kernels
 
         source, target = self._source, self._target
-        # Three points know how all of them were turned: it is a rigid motion that moved them.
-        turn = best_motion(source.points[self._corners], moved[self._corners])[:3, :3]
         normals, *weighed = kernels.weigh(
             source.normals,
             source.noise,
@@ -250,20 +248,11 @@ class Pairing:
             self._tilts[1],
             row,
             chance,
-            turn,
+            placed.transformation[:3, :3],
             self._oriented,
             self._least,
         )
-        return Matched(moved, normals, target.points, target.normals, row, *weighed)
-
-
-def corners(points: Array) -> NDArray[np.intp]:
-    """Rows (3,) of points that lie far apart, and not on a line if they do not all."""
-    first = np.argmax(((points - points.mean(axis=0)) ** 2).sum(axis=1))
-    reach = points - points[first]
-    second = np.argmax((reach**2).sum(axis=1))
-    third = np.argmax((np.cross(reach, reach[second]) ** 2).sum(axis=1))
-    return np.array([first, second, third])
+        return Matched(placed.points, normals, target.points, target.normals, row, *weighed)
 
 
 def extent(points: Array, weight: Array) -> tuple[Array, float]:

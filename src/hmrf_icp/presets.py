@@ -6,9 +6,10 @@ from collections.abc import Callable
 
 from hmrf_icp.align import Aligner, PointToPoint
 from hmrf_icp.coarse_to_fine import CoarseToFine
+from hmrf_icp.criteria import Criteria, RelativeCriteria
 from hmrf_icp.errors import InputError
 from hmrf_icp.field import HiddenMarkovRandomField
-from hmrf_icp.icp import Criteria, Method, Registrar
+from hmrf_icp.icp import Method, Registrar
 from hmrf_icp.markov_field import MarkovField
 from hmrf_icp.match import NearestNeighbour
 from hmrf_icp.metrics import PlaneToPlane, PointToPlane, Symmetric
@@ -21,7 +22,12 @@ PAPER = Method(NearestNeighbour(), HiddenMarkovRandomField(), PointToPoint(), Cr
 """HMRF-ICP as published (Stechschulte and Heckman 2017, Algorithm 1)."""
 
 ROBUST = CoarseToFine(
-    Seen(), MarkovField(beta=2.0, share=0.5, first_steps=20, steps=5), Symmetric()
+    Method(
+        Seen(),
+        MarkovField(beta=2.0, share=0.5, first_steps=20, steps=5),
+        Symmetric(),
+        RelativeCriteria(),
+    )
 )
 """The default: no threshold, many starts, what the sensors saw as evidence."""
 

@@ -13,9 +13,10 @@ from numpy.typing import ArrayLike
 from hmrf_icp import presets, se3
 from hmrf_icp.align import Aligner
 from hmrf_icp.cloud import PointCloud, as_cloud, require_registrable
+from hmrf_icp.criteria import StoppingRule
 from hmrf_icp.degeneracy import FreeMotion
 from hmrf_icp.errors import InputError, RegistrationWarning
-from hmrf_icp.icp import Criteria, Iteration, Outcome, Registrar, rms
+from hmrf_icp.icp import Iteration, Outcome, Registrar, rms
 from hmrf_icp.reject import Rejector
 from hmrf_icp.result import RegistrationResult
 
@@ -31,7 +32,7 @@ def register(
     *,
     rejector: str | Rejector | None = None,
     aligner: str | Aligner | None = None,
-    criteria: Criteria | None = None,
+    criteria: StoppingRule | None = None,
     on_iteration: Callable[[Iteration], None] | None = None,
 ) -> RegistrationResult:
     """Find the rigid motion that takes ``source`` onto ``target``.

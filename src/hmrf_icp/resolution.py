@@ -8,7 +8,9 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
+from hmrf_icp import kept
 from hmrf_icp.cloud import PointCloud
+from hmrf_icp.match import tree_of
 from hmrf_icp.surface import thinned
 
 
@@ -40,10 +42,18 @@ def reduced(cloud: PointCloud, most: int) -> Reduced:
         step = math.ceil(math.sqrt(math.prod(cloud.shape) / most))
         if step <= 1:
             return Reduced(cloud, None)
-        few = cloud.subsample(step)
-        return Reduced(few, _standing_in_image(cloud, few, step))
+        return kept.once(cloud, ("reduced", step), lambda: _every(cloud, step))
     if len(cloud) <= most:
         return Reduced(cloud, None)
+    return kept.once(cloud, ("reduced", most), lambda: _one_a_cell(cloud, most))
+
+
+def _every(cloud: PointCloud, step: int) -> Reduced:
+    few = cloud.subsample(step)
+    return Reduced(few, _standing_in_image(cloud, few, step))
+
+
+def _one_a_cell(cloud: PointCloud, most: int) -> Reduced:
     rows = thinned(cloud.observed_points, _edge(cloud.observed_points, most))
     few = PointCloud(cloud.observed_points[rows], None, cloud.viewpoint)
     return Reduced(few, _standing(cloud.observed_points, few))
@@ -63,9 +73,7 @@ def _edge(points: NDArray[np.float64], most: int) -> float:
 
 def _standing(points: NDArray[np.float64], few: PointCloud) -> NDArray[np.intp]:
     """Row of the nearest kept point for each of the points (M, 3)."""
-    from pykdtree.kdtree import KDTree
-
-    _, index = KDTree(few.observed_points).query(points)
+    _, index = tree_of(few).query(points)
     return np.asarray(index.astype(np.intp))
 
 

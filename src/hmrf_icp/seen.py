@@ -5,12 +5,10 @@ from __future__ import annotations
 from dataclasses import dataclass, field, replace
 
 import numpy as np
-from numpy.typing import NDArray
 
-from hmrf_icp.align import best_motion
 from hmrf_icp.cloud import PointCloud
 from hmrf_icp.match import Match, Matcher, Matches, NearestNeighbour
-from hmrf_icp.metrics import corners
+from hmrf_icp.placed import Placed
 from hmrf_icp.surface import surface_of
 from hmrf_icp.view import view_of
 
@@ -44,13 +42,10 @@ class Seen:
         if view is None:
             return match
         surface = surface_of(source)
-        three = corners(surface.points)
         log_odds = np.array(self.log_odds)
 
-        def seen(moved: NDArray[np.float64]) -> Matches:
-            # The motion so far, from three points: all of them were moved by one.
-            pose = best_motion(surface.points[three], moved[three])
-            verdict = view.ask(surface.points, surface.normals, pose)
-            return replace(match(moved), evidence=log_odds[verdict])
+        def seen(source: Placed) -> Matches:
+            verdict = view.ask(surface.points, surface.normals, source.transformation)
+            return replace(match(source), evidence=log_odds[verdict])
 
         return seen

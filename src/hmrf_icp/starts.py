@@ -7,9 +7,10 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
-from hmrf_icp import se3
+from hmrf_icp import kept, se3
+from hmrf_icp.cloud import PointCloud
 from hmrf_icp.evidence import evenly
-from hmrf_icp.surface import Surface
+from hmrf_icp.surface import Surface, surface_of
 
 Array = NDArray[np.float64]
 
@@ -41,25 +42,53 @@ class Level:
     steps: int
 
 
-class Annealer:
-    """Register one pair of surfaces on one level, from any number of starts."""
+@dataclass(frozen=True, eq=False)
+class Onto:
+    """A few points of a target, with a table of space that knows the closest of them.
 
-    def __init__(self, source: Surface, target: Surface, level: Level) -> None:
+    Attributes
+    ----------
+    points, normals
+        (N, 3) metres, and unit vectors.
+    boundary
+        (N,) whether a point is on the border of what was observed.
+    table, corner, edge
+        As :mod:`hmrf_icp.kernels.table` has them: a row of ``points`` for every
+        cell (A, B, C), the corner (3,) of the first and the edge of all, metres.
+    """
+
+    points: Array
+    normals: Array
+    boundary: NDArray[np.bool_]
+    table: NDArray[np.int32]
+    corner: Array
+    edge: float
+
+    @classmethod
+    def of(cls, surface: Surface, level: Level) -> Onto:
+        """Choose points evenly by area, and lay the table round them."""
         from hmrf_icp.kernels import table
 
-        mine, theirs = evenly(source, level.source_points), evenly(target, level.target_points)
-        self._points, self._normals = source.points[mine], source.normals[mine]
-        self._onto, self._onto_normals = target.points[theirs], target.normals[theirs]
-        self._boundary = target.boundary[theirs]
-        self._signed = source.oriented and target.oriented
-        low, high = self._onto.min(axis=0), self._onto.max(axis=0)
-        self._edge = float((high - low).max()) / level.cells
-        self._corner = low - level.margin * self._edge
-        shape = np.ceil((high - low) / self._edge + 2 * level.margin).astype(np.int64)
-        self._table = table.build(
-            self._onto, self._corner, self._edge, tuple(int(n) for n in np.maximum(shape, 1))
-        )
-        self._scales = np.array(level.scales) * target.size
+        rows = evenly(surface, level.target_points)
+        points = surface.points[rows]
+        low, high = points.min(axis=0), points.max(axis=0)
+        edge = float((high - low).max()) / level.cells
+        corner = low - level.margin * edge
+        shape = np.ceil((high - low) / edge + 2 * level.margin).astype(np.int64)
+        cells = table.build(points, corner, edge, tuple(int(n) for n in np.maximum(shape, 1)))
+        return cls(points, surface.normals[rows], surface.boundary[rows], cells, corner, edge)
+
+
+class Annealer:
+    """Register one pair of clouds on one level, from any number of starts."""
+
+    def __init__(self, source: PointCloud, target: PointCloud, level: Level) -> None:
+        mine, theirs = surface_of(source), surface_of(target)
+        rows = evenly(mine, level.source_points)
+        self._points, self._normals = mine.points[rows], mine.normals[rows]
+        self._signed = mine.oriented and theirs.oriented
+        self._onto = kept.once(target, level, lambda: Onto.of(theirs, level))
+        self._scales = np.array(level.scales) * theirs.size
         self._steps = level.steps
 
     def __call__(self, poses: Array) -> Array:
@@ -67,16 +96,17 @@ class Annealer:
         from hmrf_icp.kernels.annealed import anneal
 
         ends = np.array(poses, dtype=np.float64)
+        onto = self._onto
         anneal(
             self._points,
             self._normals,
-            self._onto,
-            self._onto_normals,
-            self._boundary,
+            onto.points,
+            onto.normals,
+            onto.boundary,
             self._signed,
-            self._table,
-            self._corner,
-            self._edge,
+            onto.table,
+            onto.corner,
+            onto.edge,
             self._scales,
             self._steps,
             0.02,

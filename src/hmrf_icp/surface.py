@@ -2,12 +2,13 @@
 
 from __future__ import annotations
 
-import weakref
 from dataclasses import dataclass
+from functools import cached_property
 
 import numpy as np
 from numpy.typing import NDArray
 
+from hmrf_icp import kept
 from hmrf_icp.cloud import PointCloud
 
 Array = NDArray[np.float64]
@@ -61,12 +62,12 @@ class Surface:
     oriented: bool
     support: int
 
-    @property
+    @cached_property
     def spacing(self) -> float:
         """Typical distance between neighbouring points, metres."""
         return float(np.sqrt(np.median(self.area)))
 
-    @property
+    @cached_property
     def tilt(self) -> Array:
         """Standard deviation of the normals about each tangent, (M,) radians.
 
@@ -78,15 +79,12 @@ class Surface:
         patch = self.support / 12.0
         return np.asarray(np.sqrt(relative / (self.support * patch) * (1.0 + relative / patch)))
 
-    @property
+    @cached_property
     def size(self) -> float:
         """Root mean square distance of the points from their centre, each by its area, metres."""
         weight = self.area / self.area.sum()
         centre = weight @ self.points
         return float(np.sqrt(weight @ ((self.points - centre) ** 2).sum(axis=1)))
-
-
-_SURFACES: weakref.WeakKeyDictionary[PointCloud, Surface] = weakref.WeakKeyDictionary()
 
 
 def surface_of(cloud: PointCloud) -> Surface:
@@ -98,11 +96,9 @@ def surface_of(cloud: PointCloud) -> Surface:
     sensor (a structured-light camera's grows with its square, a LiDAR's
     hardly), by least squares over the whole cloud.
     """
-    known = _SURFACES.get(cloud)
-    if known is None:
-        known = _organised(cloud) if cloud.organised else _unorganised(cloud)
-        _SURFACES[cloud] = known
-    return known
+    return kept.once(
+        cloud, "surface", lambda: _organised(cloud) if cloud.organised else _unorganised(cloud)
+    )
 
 
 def _organised(cloud: PointCloud) -> Surface:

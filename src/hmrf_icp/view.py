@@ -8,12 +8,12 @@ same through a range image about the sensor's place.
 
 from __future__ import annotations
 
-import weakref
 from dataclasses import dataclass
 
 import numpy as np
 from numpy.typing import NDArray
 
+from hmrf_icp import kept
 from hmrf_icp.cloud import PointCloud
 from hmrf_icp.surface import Surface, surface_of
 
@@ -77,18 +77,13 @@ class View:
         return verdict
 
 
-_VIEWS: weakref.WeakKeyDictionary[PointCloud, View] = weakref.WeakKeyDictionary()
-
-
 def view_of(cloud: PointCloud) -> View | None:
     """Range image of a cloud from its viewpoint, None where that is not known; once a cloud."""
     if cloud.viewpoint is None:
         return None
-    known = _VIEWS.get(cloud)
-    if known is None:
-        known = _pinhole(cloud) if cloud.camera is not None else _sphere(cloud)
-        _VIEWS[cloud] = known
-    return known
+    return kept.once(
+        cloud, "view", lambda: _pinhole(cloud) if cloud.camera is not None else _sphere(cloud)
+    )
 
 
 def _pinhole(cloud: PointCloud) -> View:

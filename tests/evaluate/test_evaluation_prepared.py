@@ -8,8 +8,9 @@ from evaluation_fakes import CAMERA
 
 from hmrf_icp.cloud import PointCloud
 from hmrf_icp.datasets import Frame
-from hmrf_icp.evaluate.prepared import Prepared, timed
-from hmrf_icp.evaluate.work import CLOUDS_KEPT, Clouds, Kept
+from hmrf_icp.evaluate.prepared import Prepared
+from hmrf_icp.evaluate.work import CLOUDS_KEPT, Clouds, Recent
+from hmrf_icp.kept import timed
 
 
 def cloud(seed: int = 0) -> PointCloud:
@@ -52,7 +53,7 @@ def test_what_is_built_from_parts_is_charged_with_its_parts():
 
 
 def test_a_worker_keeps_the_clouds_it_used_last_and_no_more():
-    kept, made = Kept(), []
+    kept, made = Recent(), []
 
     def get(number: int) -> Prepared:
         def make() -> Prepared:
@@ -78,5 +79,5 @@ def test_a_thousand_frames_leave_a_few_clouds_in_a_worker():
     for index in range(1000):
         prepared = clouds.prepared(Frame(index, np.eye(4), Scan()))
         assert prepared.cloud.shape == (18, 24)
-    assert len(work._kept) == CLOUDS_KEPT
+    assert len(work._recent) == CLOUDS_KEPT
     assert prepared.centroid == pytest.approx(1.0)

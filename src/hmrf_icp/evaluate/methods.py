@@ -3,18 +3,13 @@
 from __future__ import annotations
 
 from collections.abc import Callable, Iterable
-from dataclasses import dataclass, replace
-from typing import TYPE_CHECKING
+from dataclasses import dataclass
 
 import numpy as np
 from numpy.typing import NDArray
 
 from hmrf_icp.errors import InputError
 from hmrf_icp.evaluate.prepared import Prepared
-
-if TYPE_CHECKING:
-    from hmrf_icp.cloud import PointCloud
-    from hmrf_icp.match import Match, Matcher
 
 PAPER_METHODS = ("hmrf", "all", "percent", "sigma", "x84", "dynamic")
 """The six of the paper's plots: its field, and the five rules that it compares with."""
@@ -68,30 +63,11 @@ class Method:
         return self.name.partition("@")[0]
 
 
-@dataclass(frozen=True)
-class _KeptTree:
-    """A match part that keeps the target's k-d tree with the target, built once for all runs."""
-
-    matcher: Matcher
-    target: Prepared
-
-    def prepare(self, source: PointCloud, target: PointCloud) -> Match:
-        return self.target.derived(
-            ("match", self.matcher), lambda: self.matcher.prepare(source, target)
-        )
-
-
 def _own(name: str, preset: str, rejector: str | None) -> Method:
     def register(source: Prepared, target: Prepared, init: NDArray[np.float64]) -> Outcome:
         import hmrf_icp
-        from hmrf_icp import presets
-        from hmrf_icp.icp import Method as Algorithm1
-        from hmrf_icp.match import NearestNeighbour
 
-        method = presets.preset(preset)
-        if isinstance(method, Algorithm1) and isinstance(method.match, NearestNeighbour):
-            method = replace(method, match=_KeptTree(method.match, target))
-        result = hmrf_icp.register(source.cloud, target.cloud, init, method, rejector=rejector)
+        result = hmrf_icp.register(source.cloud, target.cloud, init, preset, rejector=rejector)
         confidence = getattr(result, "confidence", None)
         return Outcome(
             transformation=result.transformation,

@@ -2,15 +2,14 @@
 
 from __future__ import annotations
 
-import threading
-import time
 from collections.abc import Callable, Hashable
-from typing import Any, TypeVar, cast
+from typing import TypeVar
 
 import numpy as np
 from numpy.typing import NDArray
 
 from hmrf_icp.cloud import PointCloud
+from hmrf_icp.kept import Kept
 
 T = TypeVar("T")
 
@@ -18,9 +17,10 @@ T = TypeVar("T")
 class Prepared:
     """A cloud, and the k-d trees, normals and covariances that methods made of it.
 
-    What is built here is timed. A run that finds it built already is charged
-    the time it took, so that the seconds of a run are those of somebody who
-    registers two new clouds, however many runs shared the work.
+    What is built here is timed, as is what the package keeps of a cloud. A run that
+    finds it built already is charged the time it took (:func:`hmrf_icp.kept.timed`), so
+    that the seconds of a run are those of somebody who registers two new
+    clouds, however many runs shared the work.
 
     Parameters
     ----------
@@ -34,7 +34,7 @@ class Prepared:
     def __init__(self, cloud: PointCloud, name: Hashable = None) -> None:
         self.cloud = cloud
         self.name = name if name is not None else object()
-        self._built: dict[Hashable, tuple[Any, float]] = {}
+        self._kept = Kept()
 
     @property
     def points(self) -> NDArray[np.float64]:
@@ -48,32 +48,4 @@ class Prepared:
 
     def derived(self, key: Hashable, build: Callable[[], T]) -> T:
         """Return what ``build`` makes of the cloud, made the first time and kept under ``key``."""
-        if key in self._built:
-            value, seconds = self._built[key]
-            _charge(seconds)
-            return cast(T, value)
-        owed = _owed()
-        begun = time.perf_counter()
-        made = build()
-        # What it was charged for meanwhile was a part of it, and costs the next one too.
-        self._built[key] = (made, time.perf_counter() - begun + _owed() - owed)
-        return made
-
-
-_charged = threading.local()
-
-
-def _owed() -> float:
-    return float(getattr(_charged, "seconds", 0.0))
-
-
-def _charge(seconds: float) -> None:
-    _charged.seconds = _owed() + seconds
-
-
-def timed(run: Callable[[], T]) -> tuple[T, float]:
-    """Call ``run``; return what it returned and its seconds, shared preparation included."""
-    _charged.seconds = 0.0
-    begun = time.perf_counter()
-    value = run()
-    return value, time.perf_counter() - begun + _owed()
+        return self._kept.get(key, build)

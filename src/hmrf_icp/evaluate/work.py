@@ -24,9 +24,10 @@ from hmrf_icp.errors import RegistrationWarning
 from hmrf_icp.evaluate import methods, peers, protocol
 from hmrf_icp.evaluate.methods import Method
 from hmrf_icp.evaluate.plan import Run
-from hmrf_icp.evaluate.prepared import Prepared, timed
+from hmrf_icp.evaluate.prepared import Prepared
 from hmrf_icp.evaluate.protocol import Axes
 from hmrf_icp.evaluate.results import Row
+from hmrf_icp.kept import timed
 
 CLOUDS_KEPT = 4
 """Clouds that a worker keeps at least: a pair, the next pair's source, and one to spare."""
@@ -69,12 +70,12 @@ class Clouds:
     def prepared(self, frame: Frame, keep: int = CLOUDS_KEPT) -> Prepared:
         """Return the frame's cloud, read the first time and kept for a while."""
         key = (self.session, self.subsample, frame.index)
-        return _kept.get(
+        return _recent.get(
             key, lambda: Prepared(frame.load().subsample(self.subsample), frame.index), keep
         )
 
 
-class Kept:
+class Recent:
     """The clouds used last, at most so many: a worker's memory does not grow with its runs."""
 
     def __init__(self) -> None:
@@ -95,7 +96,7 @@ class Kept:
             return self._clouds[key]
 
 
-_kept = Kept()
+_recent = Recent()
 
 
 # --- overlaps ---------------------------------------------------------------------------------

@@ -1,0 +1,96 @@
+"""When the loop stops."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass, replace
+from typing import Protocol
+
+import numpy as np
+from numpy.typing import NDArray
+
+from hmrf_icp import se3
+from hmrf_icp.cloud import PointCloud
+from hmrf_icp.errors import InputError
+
+
+@dataclass(frozen=True)
+class Criteria:
+    """When the loop stops.
+
+    Parameters
+    ----------
+    translation
+        A step is small whose translation is below this, metres, and
+    rotation
+        whose angle is below this, radians.
+    max_iterations
+        Iterations after which it stops without having converged.
+
+    Raises
+    ------
+    InputError
+        One of them is negative or NaN.
+    """
+
+    translation: float = 0.01
+    rotation: float = 0.001
+    max_iterations: int = 50
+
+    def __post_init__(self) -> None:
+        """Refuse what no step could meet by mistake; 0 is the way to say never."""
+        for name in ("translation", "rotation", "max_iterations"):
+            if not getattr(self, name) >= 0:
+                raise InputError(
+                    f"criteria: expected a {name} of 0 or more, got {getattr(self, name)}"
+                )
+
+    def met(self, step: NDArray[np.float64]) -> bool:
+        """Whether a step (4, 4) is small enough to stop."""
+        return (
+            se3.translation_norm(step) < self.translation
+            and se3.rotation_angle(step) < self.rotation
+        )
+
+    def on(self, target: PointCloud) -> Criteria:  # noqa: ARG002
+        """Return these: they are in metres whatever the target."""
+        return self
+
+
+@dataclass(frozen=True)
+class RelativeCriteria:
+    """Criteria that scale with the scene.
+
+    Parameters
+    ----------
+    step
+        A step is small whose angle is below this, radians, and whose translation
+        is below this share of the target's size (root mean square distance of
+        its points from their centre).
+    max_iterations
+        As for :class:`Criteria`.
+    """
+
+    step: float = 1e-4
+    max_iterations: int = 30
+
+    def on(self, target: PointCloud) -> Criteria:
+        """Return what they are for one target, in metres."""
+        from hmrf_icp.surface import surface_of
+
+        return Criteria(self.step * surface_of(target).size, self.step, self.max_iterations)
+
+
+class StoppingRule(Protocol):
+    """Criteria, or what becomes criteria once the target is known."""
+
+    @property
+    def max_iterations(self) -> int:
+        """Iterations after which the loop stops without having converged."""
+
+    def on(self, target: PointCloud) -> Criteria:
+        """Return the criteria for one target."""
+
+
+def at_most(criteria: Criteria, iterations: int) -> Criteria:
+    """Return the same criteria with no more than so many iterations."""
+    return replace(criteria, max_iterations=min(iterations, criteria.max_iterations))
