@@ -33,6 +33,13 @@ TASKS_A_CORE = 2
 RETRIES = 3
 """Times that a cluster tries a task again that raised (a file system that was busy)."""
 
+GROWTH = 4e9
+"""Bytes that a process may grow by since its first task before it counts as leaking.
+
+Open3D's import takes 0.2 GB, and the clouds of 640 x 480 that are kept at a time, with what three
+peers derived from them, 0.5 GB.
+"""
+
 
 class Task(Protocol):
     """Work that can be cut into pieces, to find out which of them kills a worker."""
@@ -125,7 +132,7 @@ class LocalWorkers(Workers):
 
     def _start(self) -> Executor:
         executor: Executor = _loky().ProcessPoolExecutor(
-            max_workers=self.count, env=ONE_THREAD, initializer=_follow, initargs=(os.getpid(),)
+            max_workers=self.count, env=ONE_THREAD, initializer=_begin, initargs=(os.getpid(),)
         )
         return executor
 
@@ -149,6 +156,23 @@ def _loky() -> Any:
             "evaluating needs joblib: pip install 'hmrf-icp[evaluate]'"
         ) from None
     return loky
+
+
+def _begin(parent: int) -> None:
+    """Make a process a worker, before its first task."""
+    _follow(parent)
+    _let_grow()
+
+
+def _let_grow() -> None:
+    """Let this worker keep what it has made of clouds.
+
+    Loky ends a process that grew by 300 MB, with a warning of a leak, and has no setting for
+    it; each time its imports, compiled code and clouds would be gone.
+    """
+    from joblib.externals.loky import process_executor
+
+    process_executor._MAX_MEMORY_LEAK_SIZE = GROWTH
 
 
 def _follow(parent: int) -> None:
