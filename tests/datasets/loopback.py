@@ -8,6 +8,10 @@ from collections.abc import Iterator
 from contextlib import contextmanager
 from dataclasses import dataclass, field
 
+FOLDER = "rgbd_dataset_freiburg1_desk2"
+PATH = f"/freiburg1/{FOLDER}.tgz"
+"""Where the server of the TUM benchmark has a sequence."""
+
 
 @dataclass
 class Host:

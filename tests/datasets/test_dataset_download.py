@@ -7,49 +7,16 @@ import io
 import logging
 import sys
 import tarfile
-from collections.abc import Iterator
 from concurrent.futures import ThreadPoolExecutor
 from pathlib import Path
 
-import numpy as np
 import pytest
-from dataset_writers import recording, write_tum
-from loopback import Host, serving
+from loopback import FOLDER, PATH, Host, serving
 
 from hmrf_icp.datasets import archives, open_sequence, progress_bar, tum_download
 from hmrf_icp.datasets.archives import Archive, fetch
 from hmrf_icp.datasets.download import CHUNK, DownloadError
 from hmrf_icp.errors import InputError, MissingDependencyError
-
-FOLDER = "rgbd_dataset_freiburg1_desk2"
-PATH = f"/freiburg1/{FOLDER}.tgz"
-
-
-@pytest.fixture(scope="module")
-def tgz(tmp_path_factory: pytest.TempPathFactory) -> bytes:
-    folder = write_tum(tmp_path_factory.mktemp("made") / FOLDER, recording(), intrinsics=True)
-    (folder / "rgb").mkdir()
-    noise = np.random.default_rng(0).bytes(200_000)  # bytes that gzip cannot make small
-    (folder / "rgb" / "1.png").write_bytes(noise)
-    packed = io.BytesIO()
-    with tarfile.open(fileobj=packed, mode="w:gz") as tar:
-        tar.add(folder, FOLDER)
-    return packed.getvalue()
-
-
-@pytest.fixture
-def cache(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Path:
-    for name in ("http_proxy", "HTTP_PROXY", "all_proxy", "ALL_PROXY"):
-        monkeypatch.delenv(name, raising=False)
-    monkeypatch.setenv("NO_PROXY", "127.0.0.1")
-    monkeypatch.setenv(tum_download.CACHE_VARIABLE, str(tmp_path / "cache"))
-    return tmp_path / "cache" / "tum"
-
-
-@pytest.fixture
-def host(tgz: bytes, cache: Path) -> Iterator[Host]:
-    with serving(Host({PATH: tgz})) as running:
-        yield running
 
 
 def archive(host: Host, tgz: bytes | None = None) -> Archive:
@@ -61,16 +28,12 @@ def left_in(cache: Path) -> list[str]:
     return sorted(path.name for path in cache.iterdir() if not path.name.endswith(".lock"))
 
 
-def test_a_name_becomes_a_sequence_and_is_fetched_once(
-    host: Host, cache: Path, monkeypatch: pytest.MonkeyPatch
-) -> None:
-    monkeypatch.setattr(tum_download, "SERVER", host.url)
-    monkeypatch.setattr(tum_download.open_tum_name, "__defaults__", (None, host.url))
-    sequence = open_sequence("tum:freiburg1_desk2")
-    assert (sequence.name, len(sequence)) == ("tum:freiburg1_desk2", 3)
+def test_a_name_becomes_a_sequence_and_is_fetched_once(host: Host, cache: Path, named: str) -> None:
+    sequence = open_sequence(named)
+    assert (sequence.name, len(sequence)) == (named, 3)
     assert sequence.source == cache / FOLDER
     sequence.frames[0].load()
-    open_sequence("tum:freiburg1_desk2")
+    open_sequence(named)
     assert len(host.asked) == 1
     assert left_in(cache) == [FOLDER, f"{FOLDER}.tgz.sha256"]
     assert not (cache / FOLDER / "rgb").exists()  # colour is not needed

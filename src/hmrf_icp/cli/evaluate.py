@@ -213,6 +213,7 @@ def _command() -> list[str]:
 @contextmanager
 def _stoppable(bar: EvaluationBar, folder: Path) -> Iterator[None]:
     """Stop in order when asked to, by Ctrl-C or by a batch system, and say how to go on."""
+    from hmrf_icp.evaluate.progress import REGISTERING
 
     def stop(number: int, frame: Any) -> NoReturn:  # noqa: ARG001
         raise KeyboardInterrupt
@@ -224,6 +225,8 @@ def _stoppable(bar: EvaluationBar, folder: Path) -> Iterator[None]:
         bar.note(
             f"{bar.done} of {bar.total} are done and kept in {folder}; the same command goes on "
             "from there"
+            if bar.stage == REGISTERING
+            else "stopped before registering; the same command begins again"
         )
         raise
     finally:

@@ -6,15 +6,22 @@ import time
 from types import TracebackType
 
 from rich.console import Console
+from rich.filesize import decimal
 from rich.progress import (
     BarColumn,
+    DownloadColumn,
     MofNCompleteColumn,
     Progress,
+    ProgressColumn,
+    Task,
     TaskID,
     TextColumn,
     TimeElapsedColumn,
     TimeRemainingColumn,
 )
+from rich.text import Text
+
+from hmrf_icp.evaluate.progress import IN_BYTES
 
 SPEED_SECONDS = 300.0
 """Time over which the speed is averaged: runs of different methods differ by a hundred times."""
@@ -27,17 +34,21 @@ class EvaluationBar:
 
     Attributes
     ----------
+    stage
+        What it was last told of; empty before.
     done, total
-        Of the stage that it was last told of.
+        Of that stage.
     """
 
     def __init__(self) -> None:
-        self.done = self.total = 0
+        self.stage = ""
+        self.done = 0
+        self.total: int | None = 0
         self._console = Console(stderr=True)
         self._progress = Progress(
             TextColumn("{task.description}"),
             BarColumn(),
-            MofNCompleteColumn(),
+            _AmountColumn(),
             TimeElapsedColumn(),
             TextColumn("left"),
             TimeRemainingColumn(),
@@ -60,9 +71,9 @@ class EvaluationBar:
     ) -> None:
         self._progress.stop()
 
-    def __call__(self, stage: str, done: int, total: int) -> None:
+    def __call__(self, stage: str, done: int, total: int | None) -> None:
         """Show that ``done`` of ``total`` are done."""
-        self.done, self.total = done, total
+        self.stage, self.done, self.total = stage, done, total
         if stage not in self._stages:
             # What an earlier evaluation did must not count as this one's speed.
             task = self._progress.add_task(stage, total=total, completed=done)
@@ -70,13 +81,31 @@ class EvaluationBar:
         known = self._stages[stage]
         self._progress.update(known.task, completed=done, total=total)
         if not self._console.is_terminal and known.is_news(done, total):
+            words = decimal if _in_bytes(stage) else str
+            of = "" if total is None else f" of {words(total)}"
             self._console.print(
-                f"{stage}: {done} of {total}{known.left(done, total)}", soft_wrap=True
+                f"{stage}: {words(done)}{of}{known.left(done, total)}", soft_wrap=True
             )
 
     def note(self, text: str) -> None:
         """Say something above the bar."""
         self._console.print(f"Note: {text}", markup=False, highlight=False, soft_wrap=True)
+
+
+def _in_bytes(stage: str) -> bool:
+    return stage in IN_BYTES.values()
+
+
+class _AmountColumn(ProgressColumn):
+    """How much is done, of how much: in bytes or in pieces."""
+
+    def __init__(self) -> None:
+        super().__init__()
+        self._bytes, self._pieces = DownloadColumn(), MofNCompleteColumn()
+
+    def render(self, task: Task) -> Text:
+        """Write it as Rich does."""
+        return (self._bytes if _in_bytes(task.description) else self._pieces).render(task)
 
 
 class _Stage:
@@ -88,18 +117,18 @@ class _Stage:
         self._begun = time.monotonic()
         self._said = -1
 
-    def is_news(self, done: int, total: int) -> bool:
-        """Whether another tenth is done."""
-        tenth = LINES_A_STAGE * done // max(total, 1)
+    def is_news(self, done: int, total: int | None) -> bool:
+        """Whether another tenth is done; of what nobody knows the end of, whether it has begun."""
+        tenth = 0 if total is None else LINES_A_STAGE * done // max(total, 1)
         if tenth == self._said:
             return False
         self._said = tenth
         return True
 
-    def left(self, done: int, total: int) -> str:
+    def left(self, done: int, total: int | None) -> str:
         """Return the time left, in words, where there is something to judge by."""
         new = done - self._already
-        if new <= 0 or done == total:
+        if new <= 0 or total is None or done == total:
             return ""
         minutes = (time.monotonic() - self._begun) / new * (total - done) / 60
         return f", about {minutes:.0f} min left" if minutes >= 1 else ", less than a minute left"

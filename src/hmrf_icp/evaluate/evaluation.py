@@ -9,7 +9,7 @@ import os
 from collections.abc import Callable, Iterator, Mapping, Sequence
 from dataclasses import dataclass
 from pathlib import Path
-from typing import Any, TypeAlias
+from typing import Any
 
 from hmrf_icp import datasets
 from hmrf_icp.errors import InputError
@@ -18,6 +18,7 @@ from hmrf_icp.evaluate import methods, peers, protocol, work
 from hmrf_icp.evaluate.configuration import Configuration
 from hmrf_icp.evaluate.methods import Method
 from hmrf_icp.evaluate.plan import Plan
+from hmrf_icp.evaluate.progress import IN_BYTES, REGISTERING, Progress, silent
 from hmrf_icp.evaluate.protocol import Pair
 from hmrf_icp.evaluate.results import Results, Row
 from hmrf_icp.evaluate.workers import ClusterWorkers, LocalWorkers, Lost, Workers, outcomes
@@ -27,9 +28,6 @@ RESULTS, PAIRS, CONFIG = "results.csv", "pairs.csv", "config.json"
 
 FRAMES_PER_TASK = 4
 """Source frames whose overlap a worker measures in one go."""
-
-Progress: TypeAlias = Callable[[str, int, int], None]
-"""Called with what is being done ("Registering"), how much of it is, and how much there is."""
 
 
 @dataclass(frozen=True)
@@ -97,12 +95,12 @@ def evaluate(
     MissingDependencyError
         joblib, or Dask for a scheduler, is not installed.
     """
-    report = on_progress or (lambda stage, done, total: None)  # noqa: ARG005
-    sequence = datasets.open_sequence(configuration.dataset)
+    report = on_progress or silent
     chosen = methods.choose(configuration.methods)
     alternatives = peers.choose(configuration.peers)
     everyone = (*chosen, *extra_methods, *alternatives.methods)
     _require_different([method.name for method in everyone])
+    sequence = _opened(configuration.dataset, report)
     targets = _targets(sequence, configuration.targets)
     dataset = configuration.dataset if sequence.source is None else str(sequence.source)
     complete = configuration.resolved(
@@ -139,6 +137,15 @@ def evaluate(
     return Evaluation(folder, len(plan), tuple(notes))
 
 
+def _opened(dataset: str, report: Progress) -> datasets.Sequence:
+    """Open the recording, which the first time may mean fetching it."""
+
+    def fetching(doing: str, done: int, total: int | None) -> None:
+        report(IN_BYTES.get(doing, doing), done, total)
+
+    return datasets.open_sequence(dataset, progress=fetching)
+
+
 def _run(
     configuration: Configuration,
     sequence: datasets.Sequence,
@@ -166,14 +173,14 @@ def _run(
                 tuple(method for method in extra if method.name in names),
             )
 
-    report("Registering", results.count, len(plan))
+    report(REGISTERING, results.count, len(plan))
     if results.count == len(plan):
         return
     for task, rows in outcomes(workers, work.do_runs, tasks()):
         if isinstance(rows, Lost):
             rows = [Row(run, 0.0, failure=rows.reason) for run in task.runs]
         results.append(rows)
-        report("Registering", results.count, len(plan))
+        report(REGISTERING, results.count, len(plan))
 
 
 def _find_pairs(
