@@ -266,10 +266,12 @@ def _print_standings(folder: Path) -> None:
 
 def _report(folder: Path) -> None:
     """Write the report; the results stand without it."""
+    from hmrf_icp.cli.progress import stage_bar
     from hmrf_icp.evaluate.report import write_report
 
     try:
-        files = write_report(folder)
+        with stage_bar() as bar:
+            files = write_report(folder, on_progress=bar.show)
     except HmrfIcpError as error:
         typer.echo(f"Note: no report was written: {error}", err=True)
         typer.echo(f"Results: {folder / 'results.csv'}")

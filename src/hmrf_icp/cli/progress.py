@@ -1,4 +1,4 @@
-"""A progress bar on stderr while a registration runs."""
+"""A progress bar on stderr while a command works on one thing."""
 
 from __future__ import annotations
 
@@ -13,16 +13,30 @@ if TYPE_CHECKING:
     from hmrf_icp.icp import Iteration, Registrar
 
 
-class RegistrationBar:
-    """One bar for the stages of one registration; give it to ``register`` as ``on_iteration``."""
+class StageBar:
+    """One bar, for one stage after the other."""
 
     def __init__(self, progress: Progress) -> None:
         self._progress = progress
         self._task = progress.add_task("", total=None, detail="")
+        self._stage = ""
 
     def stage(self, name: str, total: int | None = None) -> None:
         """Show the name of what happens now; ``total`` steps of it, None where nobody knows."""
-        self._progress.reset(self._task, description=name, total=total, detail="")
+        # Not its reset, which takes None for "as before".
+        self._progress.remove_task(self._task)
+        self._task = self._progress.add_task(name, total=total, detail="")
+        self._stage = name
+
+    def show(self, stage: str, done: int, total: int | None) -> None:
+        """Show how much of a stage is done; give it to ``write_report`` as ``on_progress``."""
+        if stage != self._stage:
+            self.stage(stage, total)
+        self._progress.update(self._task, completed=done, total=total)
+
+
+class RegistrationBar(StageBar):
+    """A bar for the stages of one registration; give it to ``register`` as ``on_iteration``."""
 
     def __call__(self, iteration: Iteration) -> None:
         """Show an iteration of the registration."""
@@ -44,6 +58,20 @@ def most_iterations(method: Registrar) -> int | None:
 
 @contextmanager
 def registration_bar() -> Iterator[RegistrationBar]:
+    """Show a bar for a registration while the block runs."""
+    with _shown() as progress:
+        yield RegistrationBar(progress)
+
+
+@contextmanager
+def stage_bar() -> Iterator[StageBar]:
+    """Show a bar for work in stages while the block runs."""
+    with _shown() as progress:
+        yield StageBar(progress)
+
+
+@contextmanager
+def _shown() -> Iterator[Progress]:
     """Show a bar while the block runs, and nothing where stderr is not a terminal.
 
     It is gone at the end: what stays on the screen is the result.
@@ -66,4 +94,4 @@ def registration_bar() -> Iterator[RegistrationBar]:
     # Not started at all where nobody watches: some versions of rich end even a disabled bar with
     # an empty line.
     with progress if console.is_terminal else nullcontext():
-        yield RegistrationBar(progress)
+        yield progress

@@ -53,9 +53,12 @@ def report(
     Writes report.html, tables.md and figures/ into DIR. Every number in them
     comes from results.csv.
     """
+    from hmrf_icp.cli.progress import stage_bar
     from hmrf_icp.evaluate.report import write_report
 
-    files = write_report(folder, _read_success(success), paper_csv or (), worst)
+    solved = _read_success(success)
+    with stage_bar() as bar:
+        files = write_report(folder, solved, paper_csv or (), worst, on_progress=bar.show)
     for sentence in files.summary:
         typer.echo(sentence)
     typer.echo(f"Report: {files.page}")

@@ -3,9 +3,10 @@
 from __future__ import annotations
 
 import shlex
-from collections.abc import Mapping, Sequence
+from collections.abc import Callable, Mapping, Sequence
 from typing import Any
 
+from hmrf_icp.evaluate.progress import Progress, silent
 from hmrf_icp.evaluate.report.cast import Band, main_cast, settings_cast
 from hmrf_icp.evaluate.report.comparison import (
     comparable_starts,
@@ -40,7 +41,11 @@ MOST_VALUES = 40
 
 
 def sections(
-    study: Study, papers: Sequence[PaperRows], worst: Sequence[ShownRun], no_picture: str
+    study: Study,
+    papers: Sequence[PaperRows],
+    worst: Sequence[ShownRun],
+    no_picture: str,
+    report: Progress = silent,
 ) -> list[Section]:
     """Compute every figure and table of the report.
 
@@ -54,53 +59,70 @@ def sections(
         The worst runs.
     no_picture
         Why they have no pictures; empty where they have.
+    report
+        Told how many sections are done.
     """
     cast = main_cast(study)
-    parts = [
-        Section("recall-section", "Who finds the pose", items=_recall(study, cast)),
-        Section(
-            "accuracy-section",
-            "How exactly, and at what cost",
-            items=_some(
-                time_against_recall(study),
-                accuracy_table(study, cast),
-                effort_table(study, cast),
-                failure_table(study),
-            ),
-        ),
-    ]
-    scores = _some(confidence_table(study, cast), roc_figure(study), reliability_figure(study))
-    if scores:
-        parts.append(Section("confidence-section", "Who knows when it failed", items=scores))
-    parts.append(_paper(study, papers))
-    if worst:
-        parts.append(
-            Section(
-                "worst-section",
-                f"The worst runs of {study.headline.label}",
-                paragraphs=_some(
-                    "Failures where the overlap gives no excuse, and the largest errors; of one "
-                    "pair only the first. Blue is the target, orange the source.",
-                    no_picture,
-                ),
-                worst=worst,
-            )
-        )
-    settings = settings_cast(study)
-    if settings:
-        parts.append(_settings(study, settings))
-    parts.append(_run(study))
-    return parts
+    makers: tuple[Callable[[], Section | None], ...] = (
+        lambda: _recall(study, cast),
+        lambda: _accuracy(study, cast),
+        lambda: _confidence(study, cast),
+        lambda: _paper(study, papers),
+        lambda: _worst(study, worst, no_picture),
+        lambda: _settings(study),
+        lambda: _run(study),
+    )
+    made = []
+    for done, make in enumerate(makers):
+        report("Computing figures and tables", done, len(makers))
+        made.append(make())
+    return [section for section in made if section is not None]
 
 
-def _recall(study: Study, cast: Sequence[Band]) -> list[Drawing | Table]:
+def _recall(study: Study, cast: Sequence[Band]) -> Section:
     items: list[Drawing | Table] = [recall_table(study, cast), recall_by_overlap(study)]
     items += [recall_by_decile_table(study, cast, start) for start in study.starts]
     items.append(recall_by_start(study))
-    return items
+    return Section("recall-section", "Who finds the pose", items=items)
 
 
-def _settings(study: Study, cast: Sequence[Band]) -> Section:
+def _accuracy(study: Study, cast: Sequence[Band]) -> Section:
+    return Section(
+        "accuracy-section",
+        "How exactly, and at what cost",
+        items=_some(
+            time_against_recall(study),
+            accuracy_table(study, cast),
+            effort_table(study, cast),
+            failure_table(study),
+        ),
+    )
+
+
+def _confidence(study: Study, cast: Sequence[Band]) -> Section | None:
+    items = _some(confidence_table(study, cast), roc_figure(study), reliability_figure(study))
+    return Section("confidence-section", "Who knows when it failed", items=items) if items else None
+
+
+def _worst(study: Study, worst: Sequence[ShownRun], no_picture: str) -> Section | None:
+    if not worst:
+        return None
+    return Section(
+        "worst-section",
+        f"The worst runs of {study.headline.label}",
+        paragraphs=_some(
+            "Failures where the overlap gives no excuse, and the largest errors; of one pair only "
+            "the first. Blue is the target, orange the source.",
+            no_picture,
+        ),
+        worst=worst,
+    )
+
+
+def _settings(study: Study) -> Section | None:
+    cast = settings_cast(study)
+    if not cast:
+        return None
     return Section(
         "settings-section",
         "Every setting of every peer",

@@ -16,6 +16,7 @@ from hmrf_icp.errors import HmrfIcpError, InputError, RegistrationWarning
 from hmrf_icp.evaluate import peers
 from hmrf_icp.evaluate.methods import Method, own_methods
 from hmrf_icp.evaluate.prepared import Prepared
+from hmrf_icp.evaluate.progress import Progress, silent
 from hmrf_icp.evaluate.protocol import Axes, Start, perturbed, true_transformation
 from hmrf_icp.evaluate.report.page import ShownRun
 from hmrf_icp.evaluate.report.pictures import Scene, draw_scene
@@ -32,8 +33,8 @@ SAME = 1e-4
 """A run done again that ends within this many metres and radians of its row ended the same."""
 
 
-def shown_runs(study: Study, count: int) -> tuple[list[ShownRun], str]:
-    """Choose the worst runs and draw each of them.
+def shown_runs(study: Study, count: int, report: Progress = silent) -> tuple[list[ShownRun], str]:
+    """Choose the worst runs and draw each of them, and report how many are drawn.
 
     Returns
     -------
@@ -45,7 +46,10 @@ def shown_runs(study: Study, count: int) -> tuple[list[ShownRun], str]:
         return [], ""
     try:
         replay = Replay.of(study)
-        drawn = [replay.draw(study, run, f"worst-{place}") for place, run in enumerate(worst, 1)]
+        drawn = []
+        for place, run in enumerate(worst, 1):
+            report("Drawing the worst runs", place - 1, len(worst))
+            drawn.append(replay.draw(study, run, f"worst-{place}"))
     except (HmrfIcpError, OSError) as error:
         return [ShownRun(run, None) for run in worst], f"There are no pictures: {error}."
     return [ShownRun(run, drawing) for run, drawing in zip(worst, drawn, strict=True)], ""

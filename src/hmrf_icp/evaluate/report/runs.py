@@ -6,7 +6,7 @@ import csv
 import math
 import sys
 from array import array
-from collections.abc import Iterator, Mapping, Sequence
+from collections.abc import Iterable, Iterator, Mapping, Sequence
 from dataclasses import dataclass
 from fractions import Fraction
 from functools import cached_property
@@ -17,6 +17,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from hmrf_icp.errors import InputError
+from hmrf_icp.evaluate.progress import Progress, silent
 from hmrf_icp.evaluate.report.statistics import decile
 
 Mask: TypeAlias = NDArray[np.bool_]
@@ -35,6 +36,9 @@ NUMBERS = (
     "confidence",
     "fitness",
 )
+LINES_AT_ONCE = 10_000
+"""Lines read from one word about the progress to the next."""
+
 REQUIRED = ("overlap", "angle", "method", "error_m", "error_rad", "iterations", "seconds")
 
 
@@ -173,11 +177,18 @@ class Runs:
         return np.array([numbers.setdefault(key, len(numbers)) for key in keys], dtype=np.intp)
 
 
-def read_results(path: Path) -> Runs:
+def read_results(path: Path, report: Progress = silent) -> Runs:
     """Read ``results.csv``.
 
     A last line that a killed evaluation left half-written is left out, as the
     evaluation does when it goes on.
+
+    Parameters
+    ----------
+    path
+        The file.
+    report
+        Told how many of its bytes are read.
 
     Raises
     ------
@@ -191,7 +202,7 @@ def read_results(path: Path) -> Runs:
             "(give the folder that was its --output)"
         )
     with path.open(encoding="utf-8", newline="") as stream:
-        reader = csv.reader(line for line in stream if line.endswith("\n"))
+        reader = csv.reader(_whole_lines(stream, path, report))
         header = [name.strip() for name in next(reader, [])]
         if not header:
             raise InputError(f"{path}: empty; run `hmrf-icp evaluate` again")
@@ -202,6 +213,17 @@ def read_results(path: Path) -> Runs:
                 f"{', '.join(REQUIRED)}, found {', '.join(header)}"
             )
         return _columns(path, header, reader)
+
+
+def _whole_lines(stream: Iterable[str], path: Path, report: Progress) -> Iterator[str]:
+    """Yield the lines that have an end."""
+    stage, size, read = f"Reading {path.name}", path.stat().st_size, 0
+    for number, line in enumerate(stream):
+        if number % LINES_AT_ONCE == 0:
+            report(stage, read, size)
+        read += len(line)
+        if line.endswith("\n"):
+            yield line
 
 
 def _columns(path: Path, header: Sequence[str], rows: Iterator[list[str]]) -> Runs:

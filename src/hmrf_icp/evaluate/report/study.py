@@ -11,6 +11,7 @@ from pathlib import Path
 from typing import Any
 
 from hmrf_icp.errors import InputError
+from hmrf_icp.evaluate.progress import Progress, silent
 from hmrf_icp.evaluate.report.hindsight import Hindsight, hindsights
 from hmrf_icp.evaluate.report.methods import Method, Roster
 from hmrf_icp.evaluate.report.runs import Mask, Runs, Start, Success, read_results
@@ -41,8 +42,8 @@ class Study:
     success: Success
 
     @classmethod
-    def read(cls, folder: Path, success: Success | None = None) -> Study:
-        """Read the folder that ``hmrf-icp evaluate`` wrote.
+    def read(cls, folder: Path, success: Success | None = None, report: Progress = silent) -> Study:
+        """Read the folder that ``hmrf-icp evaluate`` wrote, and report how far that is.
 
         Raises
         ------
@@ -56,7 +57,7 @@ class Study:
         success = Success() if success is None else success
         if not (success.metres > 0 and success.radians > 0):
             raise InputError(f"success: expected two positive thresholds, got {success}")
-        runs = read_results(folder / "results.csv")
+        runs = read_results(folder / "results.csv", report)
         return cls(folder, runs, _read_config(folder / "config.json"), _read_pairs(folder), success)
 
     @cached_property

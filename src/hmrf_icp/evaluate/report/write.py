@@ -7,6 +7,7 @@ from collections.abc import Sequence
 from dataclasses import dataclass
 from pathlib import Path
 
+from hmrf_icp.evaluate.progress import Progress, silent
 from hmrf_icp.evaluate.report.contents import sections
 from hmrf_icp.evaluate.report.page import Section, environment, render_page
 from hmrf_icp.evaluate.report.published import read_paper_rows
@@ -46,6 +47,7 @@ def write_report(
     success: Success | None = None,
     paper_csv: Sequence[str | os.PathLike[str]] = (),
     worst: int = WORST_RUNS,
+    on_progress: Progress | None = None,
 ) -> ReportFiles:
     """Make the report of an evaluation from its rows, replacing an earlier one.
 
@@ -61,6 +63,8 @@ def write_report(
     worst
         How many of the worst runs to show, with a picture each where the data
         can be loaded.
+    on_progress
+        Told how far it is.
 
     Returns
     -------
@@ -75,10 +79,11 @@ def write_report(
     """
     environment()  # Before any work: a report that cannot be written is not worth computing.
     folder = Path(folder)
-    study = Study.read(folder, success)
+    report = on_progress or silent
+    study = Study.read(folder, success, report)
     papers = [read_paper_rows(Path(path)) for path in paper_csv]
-    shown, no_picture = shown_runs(study, worst)
-    parts = sections(study, papers, shown, no_picture)
+    shown, no_picture = shown_runs(study, worst, report)
+    parts = sections(study, papers, shown, no_picture, report)
     said = summary(study)
     title = f"Registration on {study.dataset}"
     figures = _write_figures(folder / "figures", parts)
