@@ -221,12 +221,13 @@ def require_registrable(cloud: PointCloud, name: str) -> None:
             f"{name}: {len(points)} observed points of {math.prod(cloud.shape)}, "
             f"expected at least {MINIMUM_POINTS}"
         )
-    size = float(np.abs(points).max())
+    size = float(max(points.max(), -points.min()))
     if size > LARGEST_COORDINATE:
         raise InputError(
             f"{name}: a coordinate of {size:.3g}; mark points without a measurement with NaN"
         )
-    spread = np.linalg.svd(np.cov((points - points.mean(axis=0)).T), compute_uv=False)
+    apart = points - points.mean(axis=0)
+    spread = np.linalg.svd(apart.T @ apart / len(points), compute_uv=False)
     if spread[0] <= (1e-9 * size) ** 2:
         raise InputError(f"{name}: all {len(points)} points are the same")
     if spread[1] <= 1e-12 * spread[0]:

@@ -4,14 +4,16 @@ Algorithm 1 finds the nearest optimum, and knows no better. Here it has the last
 word only: a lattice of turns of the start is registered quickly on a coarse
 level, each end is held against what both sensors saw, the best are registered
 again on a finer level, and the few that free space contradicts least go through
-match, reject and align with everything that is known.
+match, reject and align with everything that is known. Where what comes out is not
+to be believed, the same is done from shifted starts as well.
 """
 
 from __future__ import annotations
 
 import math
-from collections.abc import Callable
+from collections.abc import Callable, Sequence
 from dataclasses import dataclass, replace
+from typing import NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
@@ -21,11 +23,11 @@ from hmrf_icp.align import Aligner
 from hmrf_icp.cloud import PointCloud
 from hmrf_icp.confidence import confidence
 from hmrf_icp.criteria import StoppingRule
-from hmrf_icp.evidence import Judge
+from hmrf_icp.evidence import Judge, Verdict
 from hmrf_icp.icp import Iteration, Loop, Method, Outcome
 from hmrf_icp.reject import Rejector
 from hmrf_icp.resolution import Reduced, reduced
-from hmrf_icp.starts import Annealer, Level, distinct, turned
+from hmrf_icp.starts import Annealer, Level, distinct, shifted, turned
 from hmrf_icp.surface import Surface, surface_of
 
 Array = NDArray[np.float64]
@@ -42,6 +44,9 @@ FEWER = 4
 
 TIE = 0.005
 """Scores that differ by less are equal."""
+
+CONVINCED = 0.9
+"""Confidence from which no further starts are tried."""
 
 SHORT = 8
 """Iterations for a finalist: the right one needs no more, and the others lead nowhere."""
@@ -60,6 +65,9 @@ class CoarseToFine:
         Algorithm 1 that the last candidates go through.
     turn, apart
         How far the start is turned, and the edge of the lattice of turns, radians.
+    shift
+        How far it is shifted as well, each way along each axis, where turns alone do
+        not convince: a share of the target's size.
     coarse, middle
         How the candidates are registered before that.
     kept, finalists
@@ -72,6 +80,7 @@ class CoarseToFine:
     method: Method
     turn: float = math.radians(40.0)
     apart: float = math.radians(20.0)
+    shift: float = 0.3
     coarse: Level = COARSE
     middle: Level = MIDDLE
     kept: int = 20
@@ -89,26 +98,24 @@ class CoarseToFine:
         many, onto = reduced(source, self.points), reduced(target, self.points)
         few = reduced(many.cloud, self.points // FEWER)
         judge = Judge(many.cloud, onto.cloud, ASKED_LATE)
+        rough = Loop(few.cloud, onto.cloud, self.method)
+        fine = Loop(many.cloud, onto.cloud, self.method)
 
-        loop = Loop(few.cloud, onto.cloud, self.method)
-        rough = [
-            loop(pose, on_iteration, SHORT)
-            for pose in (init, *self.candidates(many.cloud, onto.cloud, init))
-        ]
-        worth = [judge(outcome.transformation).score for outcome in rough]
-        # Between poses that are equally likely, the one that the start leads to: what no
-        # evidence tells apart, such as two places along a bare wall, is not for us to choose.
-        likeliest = rough[0 if worth[0] >= max(worth) - TIE else int(np.argmax(worth))]
-        fine = Loop(many.cloud, onto.cloud, self.method)(likeliest.transformation, on_iteration)
-        verdict = judge(fine.transformation)
-        outcome = replace(
-            fine,
-            em_iterations=likeliest.em_iterations + fine.em_iterations,
-            history=likeliest.history + fine.history,
-            verdict=verdict,
-            confidence=confidence(verdict),
-        )
-        return spread(outcome, many)
+        pivot = se3.transform(init, centre(surface_of(many.cloud)))
+        turns = turned(init, pivot, self.turn, self.apart)
+        shifts = shifted(turns, self.shift * surface_of(onto.cloud).size)
+        nearest = Judged.by(judge, rough(init, on_iteration, SHORT))
+        ends: list[Judged] = []
+        for starts in (turns, shifts):
+            poses = self.candidates(many.cloud, onto.cloud, starts)
+            tried = [Judged.by(judge, rough(pose, on_iteration, SHORT)) for pose in poses]
+            best = likeliest([nearest, *tried]).outcome
+            end = after(best, fine(best.transformation, on_iteration))
+            ends.append(Judged.by(judge, end))
+            if ends[-1].confidence >= CONVINCED:
+                break
+        end, verdict = likeliest(ends)
+        return replace(spread(end, many), verdict=verdict, confidence=confidence(verdict))
 
     def with_parts(
         self,
@@ -119,13 +126,11 @@ class CoarseToFine:
         """Return the same with some of the parts of Algorithm 1 replaced."""
         return replace(self, method=self.method.with_parts(reject, align, criteria))
 
-    def candidates(self, source: PointCloud, target: PointCloud, init: Array) -> Array:
-        """Poses (K, 4, 4) worth refining, the likeliest first."""
+    def candidates(self, source: PointCloud, target: PointCloud, starts: Array) -> Array:
+        """Poses (K, 4, 4) worth refining, the likeliest first, of those that starts lead to."""
         judge = Judge(source, target, ASKED_EARLY)
         size = surface_of(target).size
 
-        pivot = se3.transform(init, centre(surface_of(source)))
-        starts = turned(init, pivot, self.turn, self.apart)
         poses = Annealer(source, target, self.coarse)(starts)
         worth = np.array([judge(pose).balance for pose in poses])
         poses = poses[distinct(poses, worth, self.kept, 0.05, 0.03 * size)]
@@ -133,6 +138,44 @@ class CoarseToFine:
         poses = Annealer(source, target, self.middle)(poses)
         worth = np.array([judge(pose).score for pose in poses])
         return np.asarray(poses[distinct(poses, worth, self.finalists, 0.01, 0.01 * size)])
+
+
+class Judged(NamedTuple):
+    """Where a loop ended, and what both sensors say of it."""
+
+    outcome: Outcome
+    verdict: Verdict
+
+    @classmethod
+    def by(cls, judge: Judge, outcome: Outcome) -> Judged:
+        """Ask about the pose of an outcome."""
+        return cls(outcome, judge(outcome.transformation))
+
+    @property
+    def confidence(self) -> float:
+        """What the verdict is worth."""
+        return confidence(self.verdict)
+
+
+def likeliest(ends: Sequence[Judged]) -> Judged:
+    """Choose the one with the best score, or the first if that is as good.
+
+    The first is where the least search leads: what no evidence tells apart, such as
+    two places along a bare wall, is not for us to choose.
+    """
+    worth = [end.verdict.score for end in ends]
+    return ends[0 if worth[0] >= max(worth) - TIE else int(np.argmax(worth))]
+
+
+def after(before: Outcome, outcome: Outcome) -> Outcome:
+    """Give an outcome the history of the loop that its start came from."""
+    shift = len(before.history)
+    continued = (replace(one, iteration=one.iteration + shift) for one in outcome.history)
+    return replace(
+        outcome,
+        em_iterations=before.em_iterations + outcome.em_iterations,
+        history=(*before.history, *continued),
+    )
 
 
 def centre(surface: Surface) -> Array:

@@ -8,7 +8,7 @@ from collections.abc import Callable
 from typing import Any
 
 import numpy as np
-from numpy.typing import ArrayLike
+from numpy.typing import ArrayLike, NDArray
 
 from hmrf_icp import presets, se3
 from hmrf_icp.align import Aligner
@@ -22,6 +22,9 @@ from hmrf_icp.result import RegistrationResult
 
 UNIT_MIX_UP = 100.0
 """Ratio of the sizes of two clouds above which metres and millimetres were probably mixed up."""
+
+SIZE_SAMPLE = 10_000
+"""About so many points tell the size of a cloud."""
 
 
 def register(
@@ -122,11 +125,17 @@ def free_motions(outcome: Outcome) -> tuple[FreeMotion, ...]:
     return tuple(FreeMotion(twist) for twist in outcome.last.degenerate)
 
 
+def some_points(cloud: PointCloud) -> NDArray[np.float64]:
+    """Points of a cloud, evenly chosen, that are enough to tell its size."""
+    points = cloud.observed_points
+    return points[:: max(1, len(points) // SIZE_SAMPLE)]
+
+
 def warn_of_units(source: PointCloud, target: PointCloud) -> None:
     """Warn where one cloud is a hundred times the size of the other, or more."""
     sizes = [
         float(np.median(np.linalg.norm(points - np.median(points, axis=0), axis=1)))
-        for points in (source.observed_points, target.observed_points)
+        for points in map(some_points, (source, target))
     ]
     small, large = sorted(sizes)
     if large > UNIT_MIX_UP * small:

@@ -143,6 +143,13 @@ def turned(start: Array, centre: Array, most: float, apart: float) -> Array:
     return np.array(motions)
 
 
+def shifted(poses: Array, by: float) -> Array:
+    """Return poses (K, 4, 4) shifted by ``by`` metres each way along each axis: (6 K, 4, 4)."""
+    six = np.repeat(poses[None], 6, axis=0)
+    six[:, :, :3, 3] += by * np.concatenate([np.eye(3), -np.eye(3)])[:, None]
+    return six.reshape(-1, 4, 4)
+
+
 def distinct(poses: Array, worth: Array, most: int, angle: float, shift: float) -> list[int]:
     """Choose the worthiest poses, no two within ``angle`` (rad) and ``shift`` (m)."""
     kept: list[int] = []
