@@ -112,7 +112,8 @@ class CoarseToFine:
             best = likeliest([nearest, *tried]).outcome
             end = after(best, fine(best.transformation, on_iteration))
             ends.append(Judged.by(judge, end))
-            if ends[-1].confidence >= CONVINCED:
+            # Without free space to contradict them, more candidates are only more mistakes.
+            if ends[-1].confidence >= CONVINCED or not ends[-1].verdict.seen:
                 break
         end, verdict = likeliest(ends)
         return replace(spread(end, many), verdict=verdict, confidence=confidence(verdict))
