@@ -10,7 +10,7 @@ import tempfile
 from collections.abc import Iterator
 from contextlib import contextmanager
 from pathlib import Path
-from typing import Any
+from typing import Any, NamedTuple
 from urllib.request import Request, urlopen
 
 import pytest
@@ -28,6 +28,22 @@ FLAGS = (
     "--disable-sync",
     "--disable-dev-shm-usage",
 )
+
+
+class Figure(NamedTuple):
+    """A figure of a report as the page has it; widths in pixels."""
+
+    name: str
+    own_width: int
+    shown_width: int
+
+
+class SeenTable(NamedTuple):
+    """A table of a report as the page has it; height in pixels."""
+
+    caption: str
+    rows: int
+    height: float
 
 
 class Browser:
@@ -49,6 +65,27 @@ class Browser:
     def run(self, script: str) -> Any:
         """Evaluate JavaScript on the page; a promise is waited for."""
         return self._post(f"{self.session}/execute/sync", {"script": script, "args": []})
+
+    def figures(self) -> list[Figure]:
+        """Every figure on the page."""
+        found = self.run(
+            "return [...document.querySelectorAll('figure')].map(f => [f, f.querySelector('img')])"
+            ".map(([f, image]) => [f.id, image.naturalWidth, image.clientWidth])"
+        )
+        return [Figure(*one) for one in found]
+
+    def tables(self) -> list[SeenTable]:
+        """Every table on the page."""
+        found = self.run(
+            "return [...document.querySelectorAll('table')].map("
+            "t => [t.caption.innerText, t.rows.length, t.getBoundingClientRect().height])"
+        )
+        return [SeenTable(*one) for one in found]
+
+    def fetched(self) -> list[str]:
+        """Addresses of what the page has loaded, but for what it holds itself."""
+        found = self.run("return performance.getEntriesByType('resource').map(e => e.name)")
+        return [address for address in found if not address.startswith("data:")]
 
     def complaints(self) -> list[str]:
         """Everything that the console has said since it was last asked."""

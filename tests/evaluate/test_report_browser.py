@@ -45,23 +45,19 @@ def page(chromium, report):
 
 
 def test_every_figure_is_drawn(page, report):
-    sizes = page.run("return [...document.images].map(i => [i.naturalWidth, i.clientWidth])")
-    assert len(sizes) == len({path.stem for path in report.figures})
-    assert all(natural > 300 and shown > 300 for natural, shown in sizes)
+    figures = page.figures()
+    assert sorted(figure.name for figure in figures) == sorted({p.stem for p in report.figures})
+    assert all(figure.own_width > 300 and figure.shown_width > 300 for figure in figures)
 
 
 def test_every_table_has_rows_that_can_be_seen(page):
-    rows = page.run(
-        "return [...document.querySelectorAll('table')].map("
-        "t => [t.rows.length, t.getBoundingClientRect().height, t.caption.innerText])"
-    )
-    assert len(rows) >= 10
-    assert all(count > 1 and height > 20 and caption for count, height, caption in rows)
+    tables = page.tables()
+    assert len(tables) >= 10
+    assert all(table.rows > 1 and table.height > 20 and table.caption for table in tables)
 
 
 def test_nothing_is_fetched_and_the_console_is_silent(page):
-    fetched = page.run("return performance.getEntriesByType('resource').map(e => e.name)")
-    assert [name for name in fetched if not name.startswith("data:")] == []
+    assert page.fetched() == []
     assert page.complaints() == []
 
 
