@@ -45,8 +45,8 @@ FEWER = 4
 TIE = 0.005
 """Scores that differ by less are equal."""
 
-CONVINCED = 0.9
-"""Confidence from which no further starts are tried."""
+CONVINCED = 0.5
+"""Confidence from which no further starts are tried: more likely right than not."""
 
 SHORT = 8
 """Iterations for a finalist: the right one needs no more, and the others lead nowhere."""
@@ -113,7 +113,7 @@ class CoarseToFine:
             end = after(best, fine(best.transformation, on_iteration))
             ends.append(Judged.by(judge, end))
             # Without free space to contradict them, more candidates are only more mistakes.
-            if ends[-1].confidence >= CONVINCED or not ends[-1].verdict.seen:
+            if ends[0].confidence >= CONVINCED or not ends[0].verdict.seen:
                 break
         end, verdict = likeliest(ends)
         return replace(spread(end, many), verdict=verdict, confidence=confidence(verdict))

@@ -24,7 +24,7 @@ PAPER = Method(NearestNeighbour(), HiddenMarkovRandomField(), PointToPoint(), Cr
 ROBUST = CoarseToFine(
     Method(
         Seen(),
-        MarkovField(beta=2.0, share=0.5, first_steps=20, steps=5),
+        MarkovField(beta=0.5, share=0.5, first_steps=20, steps=5),
         Symmetric(),
         RelativeCriteria(),
     )

@@ -9,6 +9,9 @@ import numba
 
 Function = TypeVar("Function", bound=Callable[..., Any])
 
+ANY_ORDER = {"reassoc", "contract", "arcp", "nsz"}
+"""Sums may be added in any order; NaN and infinity keep their meaning."""
+
 
 def njit(**options: Any) -> Callable[[Function], Function]:
     """Compile at the first call, and keep the result on disk where that can be done.

@@ -1,8 +1,8 @@
 """Mean-field steps over a pixel grid or a graph: z_i = tanh(beta sum_i' w_ii' z_i' + u_i / 2).
 
-The exponential is the one of the EM pass (products only, 1e-13 off), in loops of
-their own over contiguous memory, so that the compiler vectorises them; only the
-gathering over a graph's edges is left scalar.
+The tangent is the one of the EM pass (1e-13 off), in a loop of its own over
+contiguous memory, so that the compiler vectorises it; only the gathering over a
+graph's edges is left scalar.
 """
 
 from __future__ import annotations
@@ -11,11 +11,8 @@ from typing import Any
 
 import numpy as np
 
-from hmrf_icp.kernels.compiled import njit
-from hmrf_icp.kernels.em import ANY_ORDER
-
-SATURATED = 40.0
-"""Log-odds beyond which the label is -1 or +1 to the last digit."""
+from hmrf_icp.kernels.compiled import ANY_ORDER, njit
+from hmrf_icp.kernels.tanh import tanh_of_half
 
 COMPILED: dict[str, Any] = {
     "nogil": True,
@@ -27,25 +24,25 @@ COMPILED: dict[str, Any] = {
 @njit(**COMPILED)
 def respond(log_odds: Any) -> None:
     """tanh(log_odds / 2) in place."""
-    scale = 0.5**10
     for j in range(log_odds.size):
-        x = log_odds[j]
-        x = SATURATED if x > SATURATED else x
-        x = -SATURATED if x < -SATURATED else x
-        x *= scale
-        tail = 1 / 6 + x * (1 / 24 + x * (1 / 120 + x * (1 / 720 + x * (1 / 5040))))
-        e = 1.0 + x * (1.0 + x * (0.5 + x * tail))
-        e *= e
-        e *= e
-        e *= e
-        e *= e
-        e *= e
-        e *= e
-        e *= e
-        e *= e
-        e *= e
-        e *= e
-        log_odds[j] = (e - 1.0) / (e + 1.0)
+        log_odds[j] = tanh_of_half(log_odds[j])
+
+
+# Inlined by Numba: handing over six rows takes an eighth of a step on a small image.
+@njit(inline="always", **COMPILED)
+def step_row(row: Any, up: Any, here: Any, down: Any, own: Any, strength: float) -> None:
+    """Write the step of one row of an image, from itself and the rows above and below.
+
+    All but ``row`` carry a margin of one pixel at either end.
+    """
+    # One offset of every array a loop: two of one array become a recurrence, left scalar.
+    for j in range(row.size):
+        row[j] = up[j + 1] + down[j + 1] + here[j]
+    for j in range(row.size):
+        row[j] += here[j + 2]
+    for j in range(row.size):
+        row[j] = strength * row[j] + own[j + 1]
+    respond(row)
 
 
 @njit(**COMPILED)
@@ -92,13 +89,7 @@ def grid_simultaneous(place: Any, shape: Any, unary: Any, z: Any, beta: Any, lea
         for i in range(1, height + 1):
             up, here, down, out = field[i - 1], field[i], field[i + 1], spare[i]
             own, there = external[i], seen[i]
-            for j in range(width):
-                row[j] = up[j + 1] + down[j + 1] + here[j]
-            for j in range(width):
-                row[j] += here[j + 2]
-            for j in range(width):
-                row[j] = strength * row[j] + own[j + 1]
-            respond(row)
+            step_row(row, up, here, down, own, strength)
             for j in range(width):
                 value = there[j + 1] * row[j]
                 out[j + 1] = value
@@ -128,13 +119,7 @@ def grid_sequential(place: Any, shape: Any, unary: Any, z: Any, beta: Any, least
                 up, here, down = field[i - 1], field[i], field[i + 1]
                 own, there = external[i], seen[i]
                 chosen = black[(i - 1 + colour) % 2 :]
-                for j in range(width):
-                    row[j] = up[j + 1] + down[j + 1] + here[j]
-                for j in range(width):
-                    row[j] += here[j + 2]
-                for j in range(width):
-                    row[j] = strength * row[j] + own[j + 1]
-                respond(row)
+                step_row(row, up, here, down, own, strength)
                 for j in range(width):
                     change = chosen[j] * there[j + 1] * (row[j] - here[j + 1])
                     here[j + 1] += change
