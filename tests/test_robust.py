@@ -5,6 +5,7 @@ from functools import cache
 
 import numpy as np
 import pytest
+import shapes
 
 import hmrf_icp
 from hmrf_icp import presets, render, scenes, se3
@@ -170,3 +171,16 @@ def test_a_bare_wall_is_reported_as_free_to_slide():
     target = hmrf_icp.PointCloud.from_depth(np.roll(depth, 7, axis=0), CAMERA)
     result = hmrf_icp.register(source, target)
     assert len(result.degenerate) >= 1
+
+
+def test_a_bare_wall_is_not_slid_along():
+    rng = np.random.default_rng(0)
+    source, target = (shapes.seen(shapes.wall, rng, noise=2e-3) for _ in range(2))
+    start = se3.exp([0.0, 0.0, 0.1, 0.1, 0.05, 0.0])
+    result = hmrf_icp.register(source, target, start)
+    centre = source.observed_points.mean(axis=0)
+    went = se3.transform(result.transformation, centre) - se3.transform(start, centre)
+    normal = surface_of(target).normals.mean(axis=0)
+    normal /= np.linalg.norm(normal)
+    assert np.linalg.norm(went - (went @ normal) * normal) < 0.01
+    assert len(result.degenerate) == 3

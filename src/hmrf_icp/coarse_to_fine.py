@@ -42,7 +42,7 @@ MIDDLE = Level(1500, 6000, 56, 3, (0.04, 0.03, 0.02, 0.015), 4)
 FEWER = 4
 """The finalists are compared on this many times fewer source points than the winner has."""
 
-TIE = 0.005
+TIE = 0.002
 """Scores that differ by less are equal."""
 
 CONVINCED = 0.5
@@ -159,13 +159,14 @@ class Judged(NamedTuple):
 
 
 def likeliest(ends: Sequence[Judged]) -> Judged:
-    """Choose the one with the best score, or the first if that is as good.
+    """Choose the one with the best score; the first if it is as good and leaves a direction free.
 
-    The first is where the least search leads: what no evidence tells apart, such as
-    two places along a bare wall, is not for us to choose.
+    The first is where the least search leads. Which place along a bare wall is the right one
+    no evidence tells, and it is not for us to choose.
     """
     worth = [end.verdict.score for end in ends]
-    return ends[0 if worth[0] >= max(worth) - TIE else int(np.argmax(worth))]
+    as_good = not ends[0].outcome.determined and worth[0] >= max(worth) - TIE
+    return ends[0 if as_good else int(np.argmax(worth))]
 
 
 def after(before: Outcome, outcome: Outcome) -> Outcome:

@@ -127,6 +127,11 @@ class Outcome:
     verdict: Verdict | None = None
     confidence: float | None = None
 
+    @property
+    def determined(self) -> bool:
+        """Whether the matches leave no direction free, as far as the metric looked."""
+        return self.last is None or self.last.degenerate is None or not len(self.last.degenerate)
+
 
 class Loop:
     """Algorithm 1 on one pair of clouds: its parts prepared once, run from any number of starts.
