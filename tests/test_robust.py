@@ -5,9 +5,9 @@ from functools import cache
 
 import numpy as np
 import pytest
-import shapes
 
 import hmrf_icp
+import shapes
 from hmrf_icp import presets, render, scenes, se3
 from hmrf_icp.evidence import Judge, evenly
 from hmrf_icp.match import NearestNeighbour
