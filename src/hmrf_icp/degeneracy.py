@@ -44,7 +44,9 @@ FLAT = 1e-3
 """Share of the largest information below which a direction is free though nothing is noisy.
 
 The square of an angle, 0.03 rad: what normals fitted to small windows get wrong alike in both
-clouds.
+clouds, so that no difference shows it. Measured: exact views of bare walls, corridors, cylinders
+and spheres have up to 3e-4 along what they leave free; the weakest direction of rooms and
+tabletops, exact or with a depth camera's noise, has 1e-2 and more.
 """
 
 TRANSLATION = 0.2
