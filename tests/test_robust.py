@@ -9,6 +9,7 @@ import pytest
 import hmrf_icp
 import shapes
 from hmrf_icp import presets, render, scenes, se3
+from hmrf_icp.confidence import confidence
 from hmrf_icp.evidence import Judge, evenly
 from hmrf_icp.match import NearestNeighbour
 from hmrf_icp.placed import Placed
@@ -184,3 +185,13 @@ def test_a_bare_wall_is_not_slid_along():
     normal /= np.linalg.norm(normal)
     assert np.linalg.norm(went - (went @ normal) * normal) < 0.01
     assert len(result.degenerate) == 3
+
+
+def test_each_free_direction_takes_away_confidence():
+    verdict = Judge(frame(4), frame(0), 2000)(true_motion(4, 0))
+    found = [confidence(verdict, free) for free in range(4)]
+    assert found == sorted(found, reverse=True)
+    assert found[0] > 0.9
+    assert found[3] < found[0] - 0.02
+    unseen = replace(verdict, seen=False)
+    assert 0.0 < confidence(unseen, 3) < confidence(unseen) == pytest.approx(unseen.score)

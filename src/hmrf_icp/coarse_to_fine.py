@@ -110,13 +110,13 @@ class CoarseToFine:
             poses = self.candidates(many.cloud, onto.cloud, starts)
             tried = [Judged.by(judge, rough(pose, on_iteration, SHORT)) for pose in poses]
             best = likeliest([nearest, *tried]).outcome
-            end = after(best, fine(best.transformation, on_iteration))
-            ends.append(Judged.by(judge, end))
+            refined = after(best, fine(best.transformation, on_iteration))
+            ends.append(Judged.by(judge, refined))
             # Without free space to contradict them, more candidates are only more mistakes.
             if ends[0].confidence >= CONVINCED or not ends[0].verdict.seen:
                 break
-        end, verdict = likeliest(ends)
-        return replace(spread(end, many), verdict=verdict, confidence=confidence(verdict))
+        end = likeliest(ends)
+        return replace(spread(end.outcome, many), verdict=end.verdict, confidence=end.confidence)
 
     def with_parts(
         self,
@@ -155,18 +155,20 @@ class Judged(NamedTuple):
     @property
     def confidence(self) -> float:
         """What the verdict is worth."""
-        return confidence(self.verdict)
+        return confidence(self.verdict, self.outcome.free)
 
 
 def likeliest(ends: Sequence[Judged]) -> Judged:
-    """Choose the one with the best score; the first if it is as good and leaves a direction free.
+    """Choose the one with the most confidence; the first if both leave as much free and tie.
 
     The first is where the least search leads. Which place along a bare wall is the right one
     no evidence tells, and it is not for us to choose.
     """
-    worth = [end.verdict.score for end in ends]
-    as_good = not ends[0].outcome.determined and worth[0] >= max(worth) - TIE
-    return ends[0 if as_good else int(np.argmax(worth))]
+    first, best = ends[0], max(ends, key=lambda end: end.confidence)
+    tied = 0 < first.outcome.free <= best.outcome.free and (
+        first.verdict.score >= best.verdict.score - TIE
+    )
+    return first if tied else best
 
 
 def after(before: Outcome, outcome: Outcome) -> Outcome:

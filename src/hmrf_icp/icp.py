@@ -128,9 +128,9 @@ class Outcome:
     confidence: float | None = None
 
     @property
-    def determined(self) -> bool:
-        """Whether the matches leave no direction free, as far as the metric looked."""
-        return self.last is None or self.last.degenerate is None or not len(self.last.degenerate)
+    def free(self) -> int:
+        """How many directions the matches leave free, as far as the metric looked."""
+        return 0 if self.last is None or self.last.degenerate is None else len(self.last.degenerate)
 
 
 class Loop:
