@@ -97,6 +97,7 @@ PEER_LOOKS = (
     Look("#7a4a00", "X"),
     Look(GREY, "h"),
     Look("#4b0092", "p"),
+    Look("#a1123f", "<"),
 )
 ORACLE_LOOK = Look(BLACK, "", ":", 2.0)
 
