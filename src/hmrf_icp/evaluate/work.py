@@ -58,18 +58,18 @@ class Clouds:
 
     Parameters
     ----------
-    session
+    evaluation
         Tells evaluations apart in a worker that outlives them.
     subsample
         Step of rows and columns, or of points.
     """
 
-    session: str
+    evaluation: str
     subsample: int
 
     def prepared(self, frame: Frame, keep: int = CLOUDS_KEPT) -> Prepared:
         """Return the frame's cloud, read the first time and kept for a while."""
-        key = (self.session, self.subsample, frame.index)
+        key = (self.evaluation, self.subsample, frame.index)
         return _recent.get(
             key, lambda: Prepared(frame.load().subsample(self.subsample), frame.index), keep
         )
