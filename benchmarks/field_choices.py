@@ -177,7 +177,7 @@ def residual_pairs(cases):
     print("|---|---|---|---|---|---|---|---|---|---|---|")
     won = Counter()
     for case in cases:
-        floor = 0.1 * spacing(case.target.observed_points)
+        floor = 0.1 * spacing(case.target)
         started = time.perf_counter()
         found = mixture.compare(case.distance, smallest=floor)
         seconds = time.perf_counter() - started

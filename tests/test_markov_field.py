@@ -212,8 +212,8 @@ def test_neighbours_are_those_of_the_cloud():
 def test_the_spacing_is_that_of_the_points():
     x, y = np.meshgrid(np.arange(50.0), np.arange(60.0))
     points = 0.02 * np.stack([x, y, 0 * x], axis=-1).reshape(-1, 3)
-    assert spacing(points) == pytest.approx(0.02)
-    assert spacing(points, sample=100) == pytest.approx(0.02)
+    assert spacing(PointCloud(points)) == pytest.approx(0.02)
+    assert spacing(PointCloud(points), sample=100) == pytest.approx(0.02)
 
 
 @pytest.mark.parametrize(

@@ -15,12 +15,12 @@ from typing import Literal
 import numpy as np
 from numpy.typing import NDArray
 
-from hmrf_icp import mixture
+from hmrf_icp import kept, mixture
 from hmrf_icp.beta import LARGEST, Prior, Schedule, most_likely
 from hmrf_icp.cloud import PointCloud
 from hmrf_icp.errors import InputError
 from hmrf_icp.graph import NeighbourGraph, Neighbours, PixelGrid, Update, nearest_graph, ring_graph
-from hmrf_icp.match import Matches
+from hmrf_icp.match import Matches, tree_of
 from hmrf_icp.reject import Labels, Reject
 from hmrf_icp.residuals import Residual, residual
 
@@ -146,7 +146,7 @@ class MarkovField:
         return _Em(
             self,
             neighbours_of(source, self.neighbours),
-            self.scale_floor * spacing(target.observed_points) if self.scale_floor > 0 else 0.0,
+            self.scale_floor * spacing(target) if self.scale_floor > 0 else 0.0,
         )
 
 
@@ -180,18 +180,19 @@ def neighbours_of(
     return ring_graph(source.observed) if kind == "ring" else PixelGrid(source.observed)
 
 
-def spacing(points: Array, sample: int = SPACING_SAMPLE) -> float:
-    """Median distance of points (N, 3) to their nearest other point, metres.
+def spacing(cloud: PointCloud, sample: int = SPACING_SAMPLE) -> float:
+    """Median distance of a cloud's points to their nearest other point, metres; once a cloud.
 
     Of at most ``sample`` of them, evenly chosen.
     """
-    from pykdtree.kdtree import KDTree
+    points = cloud.observed_points
 
-    if len(points) < 2:
-        return 0.0
-    some = np.ascontiguousarray(points[:: max(1, len(points) // sample)])
-    distance, _ = KDTree(points).query(some, k=2)
-    return float(np.median(distance[:, 1]))
+    def measure() -> float:
+        some = np.ascontiguousarray(points[:: max(1, len(points) // sample)])
+        distance, _ = tree_of(cloud).query(some, k=2)
+        return float(np.median(distance[:, 1]))
+
+    return kept.once(cloud, ("spacing", sample), measure) if len(points) > 1 else 0.0
 
 
 def initial_labels(matches: Matches, share: float) -> Array:

@@ -10,6 +10,7 @@ from numpy.typing import NDArray
 
 from hmrf_icp import kept
 from hmrf_icp.cloud import PointCloud
+from hmrf_icp.match import tree_of
 
 Array = NDArray[np.float64]
 
@@ -137,7 +138,7 @@ def _unorganised(cloud: PointCloud) -> Surface:
     from hmrf_icp.kernels.surface import fit_neighbours
 
     points = cloud.observed_points
-    nearest, _ = KDTree(points).query(points, k=2)
+    nearest, _ = tree_of(cloud).query(points, k=2)
     thin = thinned(points, THINNING * float(np.median(nearest[:, 1])))
     count = min(NEIGHBOURS, len(thin))
     distance, index = KDTree(points[thin]).query(points, k=count)
