@@ -16,6 +16,9 @@ from hmrf_icp.errors import InputError
 MINIMUM_POINTS = 10
 """Fewer observed points than this are refused: six unknowns and some evidence against chance."""
 
+SAMPLE = 10_000
+"""Points that are enough to tell how large a cloud is."""
+
 LARGEST_COORDINATE = 1e12
 """A point farther away is no measurement (light takes an hour), and would drown those that are."""
 
@@ -226,11 +229,26 @@ def require_registrable(cloud: PointCloud, name: str) -> None:
         raise InputError(
             f"{name}: a coordinate of {size:.3g}; mark points without a measurement with NaN"
         )
+    # A few points off the line tell as much as all of them; only none calls for a second look.
+    if _dimensions(some_of(points), size) < 2:
+        dimensions = _dimensions(points, size)
+        if dimensions == 0:
+            raise InputError(f"{name}: all {len(points)} points are the same")
+        if dimensions == 1:
+            raise InputError(
+                f"{name}: all {len(points)} points lie on one line, about which any rotation fits"
+            )
+
+
+def some_of(points: NDArray[np.float64]) -> NDArray[np.float64]:
+    """Choose points (M, 3) evenly along the cloud, enough to tell its size."""
+    return points[:: max(1, len(points) // SAMPLE)]
+
+
+def _dimensions(points: NDArray[np.float64], size: float) -> int:
+    """0 where all points are the same, 1 where they are on one line, 2 otherwise."""
     apart = points - points.mean(axis=0)
     spread = np.linalg.svd(apart.T @ apart / len(points), compute_uv=False)
     if spread[0] <= (1e-9 * size) ** 2:
-        raise InputError(f"{name}: all {len(points)} points are the same")
-    if spread[1] <= 1e-12 * spread[0]:
-        raise InputError(
-            f"{name}: all {len(points)} points lie on one line, about which any rotation fits"
-        )
+        return 0
+    return 1 if spread[1] <= 1e-12 * spread[0] else 2

@@ -8,11 +8,11 @@ from collections.abc import Callable
 from typing import Any
 
 import numpy as np
-from numpy.typing import ArrayLike, NDArray
+from numpy.typing import ArrayLike
 
 from hmrf_icp import presets, se3
 from hmrf_icp.align import Aligner
-from hmrf_icp.cloud import PointCloud, as_cloud, require_registrable
+from hmrf_icp.cloud import PointCloud, as_cloud, require_registrable, some_of
 from hmrf_icp.criteria import StoppingRule
 from hmrf_icp.degeneracy import FreeMotion
 from hmrf_icp.errors import InputError, RegistrationWarning
@@ -22,9 +22,6 @@ from hmrf_icp.result import RegistrationResult
 
 UNIT_MIX_UP = 100.0
 """Ratio of the sizes of two clouds above which metres and millimetres were probably mixed up."""
-
-SIZE_SAMPLE = 10_000
-"""About so many points tell the size of a cloud."""
 
 
 def register(
@@ -125,17 +122,11 @@ def free_motions(outcome: Outcome) -> tuple[FreeMotion, ...]:
     return tuple(FreeMotion(twist) for twist in outcome.last.degenerate)
 
 
-def some_points(cloud: PointCloud) -> NDArray[np.float64]:
-    """Points of a cloud, evenly chosen, that are enough to tell its size."""
-    points = cloud.observed_points
-    return points[:: max(1, len(points) // SIZE_SAMPLE)]
-
-
 def warn_of_units(source: PointCloud, target: PointCloud) -> None:
     """Warn where one cloud is a hundred times the size of the other, or more."""
     sizes = [
         float(np.median(np.linalg.norm(points - np.median(points, axis=0), axis=1)))
-        for points in map(some_points, (source, target))
+        for points in (some_of(source.observed_points), some_of(target.observed_points))
     ]
     small, large = sorted(sizes)
     if large > UNIT_MIX_UP * small:

@@ -21,60 +21,106 @@ def closest(points: Any, k: int, x: float, y: float, z: float) -> float:
 
 @njit(nogil=True, error_model="numpy")
 def build(points: Any, corner: Any, edge: float, shape: Any) -> Any:
-    """Propagate the points (N, 3) from their own cells to all, in four sweeps.
+    """Hand every cell the point of the closest cell that has one, then the best of its neighbours'.
 
-    Each sweep hands every cell the closest points of the seven neighbours
-    behind it and of three to its sides (a chamfer transform that carries the
-    point instead of a distance). Work: 40 comparisons a cell.
+    The closest cell is found exactly, one axis after the other: squared distances add up,
+    so along each line it is the lowest of as many parabolas (Felzenszwalb and Huttenlocher,
+    "Distance transforms of sampled functions", 2012). Work and memory grow with the cells.
     """
     nx, ny, nz = shape
     table = np.full((nx, ny, nz), -1, np.int32)
-    best = np.full((nx, ny, nz), np.inf, np.float32)
+    fill(points, corner, edge, table)
+    apart = np.where(table < 0, np.float32(np.inf), np.float32(0.0))
+    longest = max(nx, ny, nz)
+    lowest = np.empty(longest, np.int64)
+    begins = np.empty(longest)
+    line = np.empty(longest, np.int32)
+    height = np.empty(longest, np.float32)
+    for a in range(nx):
+        for b in range(ny):
+            spread(table[a, b], apart[a, b], lowest, begins, line, height)
+    for a in range(nx):
+        for c in range(nz):
+            spread(table[a, :, c], apart[a, :, c], lowest, begins, line, height)
+    for b in range(ny):
+        for c in range(nz):
+            spread(table[:, b, c], apart[:, b, c], lowest, begins, line, height)
+    compare(points, corner, edge, table)
+    return table
+
+
+@njit(nogil=True, error_model="numpy")
+def fill(points: Any, corner: Any, edge: float, table: Any) -> None:
+    """Put each point into its own cell; the one closest to the centre, where there are more."""
     for k in range(points.shape[0]):
         a = int((points[k, 0] - corner[0]) / edge)
         b = int((points[k, 1] - corner[1]) / edge)
         c = int((points[k, 2] - corner[2]) / edge)
-        x, y, z = (
-            corner[0] + (a + 0.5) * edge,
-            corner[1] + (b + 0.5) * edge,
-            corner[2] + (c + 0.5) * edge,
-        )
-        d = closest(points, k, x, y, z)
-        if d < best[a, b, c]:
-            best[a, b, c] = d
+        x = corner[0] + (a + 0.5) * edge
+        y = corner[1] + (b + 0.5) * edge
+        z = corner[2] + (c + 0.5) * edge
+        there = table[a, b, c]
+        if there < 0 or closest(points, k, x, y, z) < closest(points, there, x, y, z):
             table[a, b, c] = k
-    for sweep in range(4):
-        s = -1 if sweep % 2 == 0 else 1
-        for ia in range(nx):
-            a = ia if s < 0 else nx - 1 - ia
-            for ib in range(ny):
-                b = ib if s < 0 else ny - 1 - ib
-                for ic in range(nz):
-                    c = ic if s < 0 else nz - 1 - ic
-                    x = corner[0] + (a + 0.5) * edge
-                    y = corner[1] + (b + 0.5) * edge
-                    z = corner[2] + (c + 0.5) * edge
-                    low, at = best[a, b, c], table[a, b, c]
-                    for m in range(1, 11):
-                        if m < 8:
-                            aa = a + (s if m & 1 else 0)
-                            bb = b + (s if m & 2 else 0)
-                            cc = c + (s if m & 4 else 0)
-                        else:
-                            aa = a + (-s if m == 8 else s)
-                            bb = b + (-s if m == 9 else s)
-                            cc = c + (-s if m == 10 else s)
-                        if aa < 0 or bb < 0 or cc < 0 or aa >= nx or bb >= ny or cc >= nz:
-                            continue
-                        k = table[aa, bb, cc]
-                        if k < 0 or k == at:
-                            continue
-                        d = closest(points, k, x, y, z)
+
+
+@njit(nogil=True, error_model="numpy")
+def spread(cells: Any, apart: Any, lowest: Any, begins: Any, line: Any, height: Any) -> None:
+    """Along one line of cells, hand every cell what the cell of the lowest parabola has.
+
+    ``apart`` holds the squared distance, in cells, of what a cell has. The last four are
+    scratch: the parabolas of the envelope, where each begins, and the line as it was.
+    """
+    count = 0
+    for i in range(cells.shape[0]):
+        line[i], height[i] = cells[i], apart[i]
+        if cells[i] < 0:
+            continue
+        begin = -np.inf
+        while count > 0:
+            j = lowest[count - 1]
+            begin = (height[i] - height[j] + i * i - j * j) / (2.0 * (i - j))
+            if begin > begins[count - 1]:
+                break
+            count -= 1
+        lowest[count] = i
+        begins[count] = begin if count > 0 else -np.inf
+        count += 1
+    if count == 0:
+        return
+    at = 0
+    for i in range(cells.shape[0]):
+        while at + 1 < count and begins[at + 1] < i:
+            at += 1
+        j = lowest[at]
+        cells[i], apart[i] = line[j], height[j] + (i - j) ** 2
+
+
+@njit(nogil=True, error_model="numpy")
+def compare(points: Any, corner: Any, edge: float, table: Any) -> None:
+    """Let every cell take the point of one of its six neighbours where that is closer."""
+    nx, ny, nz = table.shape
+    for a in range(nx):
+        for b in range(ny):
+            for c in range(nz):
+                k = table[a, b, c]
+                x = corner[0] + (a + 0.5) * edge
+                y = corner[1] + (b + 0.5) * edge
+                z = corner[2] + (c + 0.5) * edge
+                low = closest(points, k, x, y, z)
+                for m in range(6):
+                    s = 2 * (m % 2) - 1
+                    aa = a + (s if m < 2 else 0)
+                    bb = b + (s if m // 2 == 1 else 0)
+                    cc = c + (s if m > 3 else 0)
+                    if aa < 0 or bb < 0 or cc < 0 or aa >= nx or bb >= ny or cc >= nz:
+                        continue
+                    other = table[aa, bb, cc]
+                    if other != k:
+                        d = closest(points, other, x, y, z)
                         if d < low:
-                            low, at = d, k
-                    best[a, b, c] = low
-                    table[a, b, c] = at
-    return table
+                            low, k = d, other
+                table[a, b, c] = k
 
 
 @njit(nogil=True, error_model="numpy")
