@@ -45,7 +45,6 @@ def surface(points, normals, noise=0.002, oriented=True):
         points=points,
         normals=normals,
         noise=np.full(count, noise),
-        boundary=np.zeros(count, bool),
         area=np.full(count, 0.01),
         oriented=oriented,
         support=25,

@@ -50,8 +50,6 @@ class Onto:
     ----------
     points, normals
         (N, 3) metres, and unit vectors.
-    boundary
-        (N,) whether a point is on the border of what was observed.
     table, corner, edge
         As :mod:`hmrf_icp.kernels.table` has them: a row of ``points`` for every
         cell (A, B, C), the corner (3,) of the first and the edge of all, metres.
@@ -59,7 +57,6 @@ class Onto:
 
     points: Array
     normals: Array
-    boundary: NDArray[np.bool_]
     table: NDArray[np.int32]
     corner: Array
     edge: float
@@ -76,7 +73,7 @@ class Onto:
         corner = low - level.margin * edge
         shape = np.ceil((high - low) / edge + 2 * level.margin).astype(np.int64)
         cells = table.build(points, corner, edge, tuple(int(n) for n in np.maximum(shape, 1)))
-        return cls(points, surface.normals[rows], surface.boundary[rows], cells, corner, edge)
+        return cls(points, surface.normals[rows], cells, corner, edge)
 
 
 class Annealer:
@@ -102,7 +99,6 @@ class Annealer:
             self._normals,
             onto.points,
             onto.normals,
-            onto.boundary,
             self._signed,
             onto.table,
             onto.corner,

@@ -1,4 +1,4 @@
-"""The surface that a cloud samples: normals, noise, borders, and the area a point stands for."""
+"""The surface that a cloud samples: normals, noise, and the area a point stands for."""
 
 from __future__ import annotations
 
@@ -44,9 +44,6 @@ class Surface:
         their sign means nothing); zero where no plane could be fitted.
     noise
         (M,) standard deviation of the points along their normals, metres.
-    boundary
-        (M,) whether the point is on the border of what was observed: at the
-        edge of the image, of a hole, or of a jump in depth.
     area
         (M,) area that the point stands for, square metres.
     oriented
@@ -58,7 +55,6 @@ class Surface:
     points: Array
     normals: Array
     noise: Array
-    boundary: NDArray[np.bool_]
     area: Array
     oriented: bool
     support: int
@@ -108,13 +104,12 @@ def _organised(cloud: PointCloud) -> Surface:
     viewpoint = np.zeros(3) if cloud.viewpoint is None else cloud.viewpoint
     reach = np.linalg.norm(cloud.points - viewpoint, axis=-1)
     angle = _angular_step(cloud.points, reach)
-    normals, residual, boundary, area = fit_window(cloud.points, viewpoint, angle, WINDOW)
+    normals, residual, area = fit_window(cloud.points, viewpoint, angle, WINDOW)
     seen = cloud.observed
     return Surface(
         points=cloud.observed_points,
         normals=normals[seen],
         noise=_noise(reach[seen], residual[seen], np.sqrt(area[seen])),
-        boundary=boundary[seen],
         area=area[seen],
         oriented=cloud.viewpoint is not None,
         support=(2 * WINDOW + 1) ** 2,
@@ -145,7 +140,7 @@ def _unorganised(cloud: PointCloud) -> Surface:
     index = thin[index]
     known = cloud.viewpoint is not None
     viewpoint = points.mean(axis=0) if cloud.viewpoint is None else cloud.viewpoint
-    normals, residual, boundary = fit_neighbours(points, index, viewpoint)
+    normals, residual = fit_neighbours(points, index, viewpoint)
     # A disc that holds all the neighbours before they were thinned: its area shared among them.
     area = np.pi * distance[:, -1] ** 2 / count * (len(thin) / len(points))
     floor = area[area > 0].min() if (area > 0).any() else 1.0
@@ -155,7 +150,6 @@ def _unorganised(cloud: PointCloud) -> Surface:
         points=points,
         normals=normals,
         noise=_noise(reach, residual, np.sqrt(area)),
-        boundary=boundary,
         area=area,
         oriented=known,
         support=count,

@@ -10,9 +10,6 @@ import numpy as np
 from hmrf_icp.kernels.compiled import njit
 from hmrf_icp.kernels.table import look_up
 
-BORDER_WEIGHT = 0.1
-"""A match with a border point says little: what lies beyond the border was never seen."""
-
 ANCHOR = 0.01
 """Share of the point-to-point metric in the symmetric one, so that no direction is free."""
 
@@ -73,7 +70,6 @@ def anneal(
     normals: Any,
     onto: Any,
     onto_normals: Any,
-    onto_boundary: Any,
     signed: bool,
     table: Any,
     corner: Any,
@@ -124,8 +120,6 @@ def anneal(
                     if cosine <= 0.0:
                         continue
                     weight *= cosine * cosine
-                    if onto_boundary[m]:
-                        weight *= BORDER_WEIGHT
                     total += weight
                     nx, ny, nz = nx + tx, ny + ty, nz + tz
                     length = 1.0 / math.sqrt(nx * nx + ny * ny + nz * nz)

@@ -18,9 +18,6 @@ JUMP = 4.0
 GRAZING = 0.15
 """Smallest cosine of incidence by which a pixel's area is enlarged."""
 
-GAP = 2.0
-"""Angle without neighbours in the tangent plane, rad, that makes a point a border point."""
-
 
 @njit(nogil=True, error_model="numpy")
 def smallest_eigenvector(a: Any, b: Any, c: Any, d: Any, e: Any, f: Any) -> Any:
@@ -107,12 +104,11 @@ def fit_window(points: Any, viewpoint: Any, angle: float, radius: int) -> Any:
     """Fit planes in windows of an organised cloud (H, W, 3).
 
     Returns normals (H, W, 3) towards the viewpoint, standard deviation left
-    over (H, W; NaN where no plane was fitted), border flags and areas (H, W).
+    over (H, W; NaN where no plane was fitted) and areas (H, W).
     """
     height, width, _ = points.shape
     normals = np.zeros((height, width, 3))
     residual = np.full((height, width), np.nan)
-    boundary = np.zeros((height, width), np.bool_)
     area = np.zeros((height, width))
     for i in range(height):
         for j in range(width):
@@ -128,42 +124,34 @@ def fit_window(points: Any, viewpoint: Any, angle: float, radius: int) -> Any:
             for u in range(-radius, radius + 1):
                 for v in range(-radius, radius + 1):
                     row, column = i + u, j + v
-                    apart = max(abs(u), abs(v))
-                    inside = 0 <= row < height and 0 <= column < width
-                    if inside:
-                        x = points[row, column, 0] - x0
-                        y = points[row, column, 1] - y0
-                        z = points[row, column, 2] - z0
-                        # False for a hole too: a comparison with NaN is.
-                        inside = x * x + y * y + z * z <= (gate * apart) ** 2
-                    if not inside:
-                        if apart == 1:
-                            boundary[i, j] = True
+                    if not (0 <= row < height and 0 <= column < width):
                         continue
-                    n += 1
-                    sums = _with(sums, x, y, z)
+                    x = points[row, column, 0] - x0
+                    y = points[row, column, 1] - y0
+                    z = points[row, column, 2] - z0
+                    # False for a hole too: a comparison with NaN is.
+                    if x * x + y * y + z * z <= (gate * max(abs(u), abs(v))) ** 2:
+                        n += 1
+                        sums = _with(sums, x, y, z)
             if n < MINIMUM:
                 continue
             nx, ny, nz, toward, residual[i, j] = _plane(sums, n, vx, vy, vz)
             normals[i, j, 0], normals[i, j, 1], normals[i, j, 2] = nx, ny, nz
             if reach > 0.0:
                 area[i, j] /= max(toward / reach, GRAZING)
-    return normals, residual, boundary, area
+    return normals, residual, area
 
 
 @njit(nogil=True, error_model="numpy")
 def fit_neighbours(points: Any, index: Any, viewpoint: Any) -> Any:
     """Fit planes to listed neighbours: points (M, 3), index (M, K).
 
-    Returns normals (M, 3) towards the viewpoint, standard deviation left over
-    (M,; NaN where no plane was fitted) and border flags (M,): points with a
-    gap in the directions of their neighbours.
+    Returns normals (M, 3) towards the viewpoint and standard deviation left over
+    (M,; NaN where no plane was fitted).
     """
     count, k = index.shape
     normals = np.zeros((count, 3))
     residual = np.full(count, np.nan)
-    boundary = np.zeros(count, np.bool_)
-    turn = np.empty(k)
     for i in range(count):
         sums = NO_POINTS
         for m in range(k):
@@ -179,34 +167,4 @@ def fit_neighbours(points: Any, index: Any, viewpoint: Any) -> Any:
         vz = points[i, 2] - viewpoint[2]
         nx, ny, nz, _, residual[i] = _plane(sums, k, vx, vy, vz)
         normals[i, 0], normals[i, 1], normals[i, 2] = nx, ny, nz
-        boundary[i] = _widest_gap(points, index, i, nx, ny, nz, turn) > GAP
-    return normals, residual, boundary
-
-
-@njit(nogil=True, error_model="numpy")
-def _widest_gap(
-    points: Any, index: Any, i: int, nx: float, ny: float, nz: float, turn: Any
-) -> float:
-    """Widest angle in the tangent plane of point i without a neighbour, radians."""
-    if abs(nx) < 0.9:
-        ux, uy, uz = 0.0, nz, -ny
-    else:
-        ux, uy, uz = -nz, 0.0, nx
-    n = 0
-    for m in range(index.shape[1]):
-        j = index[i, m]
-        x = points[j, 0] - points[i, 0]
-        y = points[j, 1] - points[i, 1]
-        z = points[j, 2] - points[i, 2]
-        along = ux * x + uy * y + uz * z
-        across = (ny * uz - nz * uy) * x + (nz * ux - nx * uz) * y + (nx * uy - ny * ux) * z
-        if along != 0.0 or across != 0.0:
-            turn[n] = math.atan2(across, along)
-            n += 1
-    if n < 2:
-        return 2.0 * math.pi
-    angles = np.sort(turn[:n])
-    widest = angles[0] + 2.0 * math.pi - angles[n - 1]
-    for m in range(1, n):
-        widest = max(widest, angles[m] - angles[m - 1])
-    return widest
+    return normals, residual
