@@ -21,10 +21,11 @@ from numpy.typing import NDArray
 from hmrf_icp import se3
 from hmrf_icp.align import Aligner
 from hmrf_icp.cloud import PointCloud
-from hmrf_icp.confidence import confidence
+from hmrf_icp.confidence import confidence, log_odds
 from hmrf_icp.criteria import StoppingRule
 from hmrf_icp.evidence import Judge, Verdict
 from hmrf_icp.icp import Iteration, Loop, Method, Outcome
+from hmrf_icp.prior import StartPrior
 from hmrf_icp.reject import Rejector
 from hmrf_icp.resolution import Reduced, reduced
 from hmrf_icp.starts import Annealer, Level, distinct, shifted, turned
@@ -38,6 +39,7 @@ ASKED_EARLY, ASKED_LATE = 1000, 4000
 
 COARSE = Level(600, 2500, 40, 8, (0.15, 0.08, 0.04, 0.02), 4)
 MIDDLE = Level(1500, 6000, 56, 3, (0.04, 0.03, 0.02, 0.015), 4)
+CLOSE = Level(1500, 6000, 56, 3, (0.15, 0.08, 0.04, 0.03, 0.02, 0.015), 8)
 
 FEWER = 4
 """The finalists are compared on this many times fewer source points than the winner has."""
@@ -70,6 +72,8 @@ class CoarseToFine:
         not convince: a share of the target's size.
     coarse, middle
         How the candidates are registered before that.
+    close
+        How the start itself is, from each of the scales down.
     kept, finalists
         Candidates that go on to the middle level, and to Algorithm 1.
     points
@@ -83,6 +87,7 @@ class CoarseToFine:
     shift: float = 0.3
     coarse: Level = COARSE
     middle: Level = MIDDLE
+    close: Level = CLOSE
     kept: int = 20
     finalists: int = 3
     points: int = 20_000
@@ -95,28 +100,19 @@ class CoarseToFine:
         on_iteration: Callable[[Iteration], None] | None = None,
     ) -> Outcome:
         """Register; see :func:`hmrf_icp.register`."""
-        many, onto = reduced(source, self.points), reduced(target, self.points)
-        few = reduced(many.cloud, self.points // FEWER)
-        judge = Judge(many.cloud, onto.cloud, ASKED_LATE)
-        rough = Loop(few.cloud, onto.cloud, self.method)
-        fine = Loop(many.cloud, onto.cloud, self.method)
-
-        pivot = se3.transform(init, centre(surface_of(many.cloud)))
-        turns = turned(init, pivot, self.turn, self.apart)
-        shifts = shifted(turns, self.shift * surface_of(onto.cloud).size)
-        nearest = Judged.by(judge, rough(init, on_iteration, SHORT))
+        search = Search(self, source, target, init, on_iteration)
+        nearest = search.tried(init)
         ends: list[Judged] = []
-        for starts in (turns, shifts):
-            poses = self.candidates(many.cloud, onto.cloud, starts)
-            tried = [Judged.by(judge, rough(pose, on_iteration, SHORT)) for pose in poses]
-            best = likeliest([nearest, *tried]).outcome
-            refined = after(best, fine(best.transformation, on_iteration))
-            ends.append(Judged.by(judge, refined))
+        for starts in (search.turns, search.shifts):
+            poses = search.candidates(starts)
+            ends.append(search.refined([nearest, *map(search.tried, poses)]))
             # Without free space to contradict them, more candidates are only more mistakes.
             if ends[0].confidence >= CONVINCED or not ends[0].verdict.seen:
                 break
         end = likeliest(ends)
-        return replace(spread(end.outcome, many), verdict=end.verdict, confidence=end.confidence)
+        return replace(
+            spread(end.outcome, search.many), verdict=end.verdict, confidence=end.confidence
+        )
 
     def with_parts(
         self,
@@ -127,44 +123,100 @@ class CoarseToFine:
         """Return the same with some of the parts of Algorithm 1 replaced."""
         return replace(self, method=self.method.with_parts(reject, align, criteria))
 
-    def candidates(self, source: PointCloud, target: PointCloud, starts: Array) -> Array:
-        """Poses (K, 4, 4) worth refining, the likeliest first, of those that starts lead to."""
-        judge = Judge(source, target, ASKED_EARLY)
-        size = surface_of(target).size
 
-        poses = Annealer(source, target, self.coarse)(starts)
+class Search:
+    """The search for one pair of clouds from one start, with what every step of it needs."""
+
+    def __init__(
+        self,
+        plan: CoarseToFine,
+        source: PointCloud,
+        target: PointCloud,
+        init: Array,
+        on_iteration: Callable[[Iteration], None] | None,
+    ) -> None:
+        self.many = reduced(source, plan.points)
+        self._plan = plan
+        self._source, self._target = self.many.cloud, reduced(target, plan.points).cloud
+        few = reduced(self._source, plan.points // FEWER).cloud
+        self._rough = Loop(few, self._target, plan.method)
+        self._fine = Loop(self._source, self._target, plan.method)
+        self._asked_early = Judge(self._source, self._target, ASKED_EARLY)
+        self._asked_late = Judge(self._source, self._target, ASKED_LATE)
+        self._on_iteration = on_iteration
+
+        size = surface_of(self._target).size
+        middle = se3.transform(init, centre(surface_of(self._source)))
+        self._prior = StartPrior(init, middle, size)
+        self.turns = turned(init, middle, plan.turn, plan.apart)
+        self.shifts = shifted(self.turns, plan.shift * size)
+
+    def candidates(self, starts: Array) -> Array:
+        """Poses (K, 4, 4) worth trying, the likeliest first, of those that starts lead to."""
+        plan, prior, judge = self._plan, self._prior, self._asked_early
+
+        poses = self._annealed(plan.coarse, starts)
         worth = np.array([judge(pose).balance for pose in poses])
-        poses = poses[distinct(poses, worth, self.kept, 0.05, 0.03 * size)]
+        poses = poses[distinct(poses, worth, plan.kept, 0.05, 0.03 * prior.size)]
 
-        poses = Annealer(source, target, self.middle)(poses)
-        worth = np.array([judge(pose).score for pose in poses])
-        return np.asarray(poses[distinct(poses, worth, self.finalists, 0.01, 0.01 * size)])
+        poses = self._annealed(plan.middle, poses)
+        close = [self._annealed(level, prior.start[None]) for level in plan.close.tails()]
+        poses = np.concatenate([*close, poses])
+        worth = np.array([log_odds(judge(pose)) + prior(pose) for pose in poses])
+        return np.asarray(poses[distinct(poses, worth, plan.finalists, 0.03, 0.02 * prior.size)])
+
+    def tried(self, pose: Array) -> Judged:
+        """Run Algorithm 1 from a pose on few points, and not for long."""
+        return self._judged(self._rough(pose, self._on_iteration, SHORT))
+
+    def refined(self, ends: Sequence[Judged]) -> Judged:
+        """Run the likeliest to the end; the next too while it is likelier than what came out."""
+        waiting = list(ends)
+        best: Judged | None = None
+        while waiting:
+            end = likeliest(waiting)
+            if best is not None and end.likelihood <= best.likelihood:
+                break
+            waiting.remove(end)
+            outcome = self._fine(end.outcome.transformation, self._on_iteration)
+            refined = self._judged(after(end.outcome, outcome))
+            best = refined if best is None else likeliest([best, refined])
+        assert best is not None
+        return best
+
+    def _annealed(self, level: Level, poses: Array) -> Array:
+        return Annealer(self._source, self._target, level)(poses)
+
+    def _judged(self, outcome: Outcome) -> Judged:
+        pose = outcome.transformation
+        return Judged(outcome, self._asked_late(pose), self._prior(pose))
 
 
 class Judged(NamedTuple):
-    """Where a loop ended, and what both sensors say of it."""
+    """Where a loop ended, what both sensors say of it, and what the start said before."""
 
     outcome: Outcome
     verdict: Verdict
-
-    @classmethod
-    def by(cls, judge: Judge, outcome: Outcome) -> Judged:
-        """Ask about the pose of an outcome."""
-        return cls(outcome, judge(outcome.transformation))
+    prior: float
 
     @property
     def confidence(self) -> float:
-        """What the verdict is worth."""
+        """What the verdict is worth, whatever the start was."""
         return confidence(self.verdict, self.outcome.free)
+
+    @property
+    def likelihood(self) -> float:
+        """Log-odds of the pose, with all that is known."""
+        return log_odds(self.verdict, self.outcome.free) + self.prior
 
 
 def likeliest(ends: Sequence[Judged]) -> Judged:
-    """Choose the one with the most confidence; the first if both leave as much free and tie.
+    """Choose the one for which evidence and start together speak most.
 
-    The first is where the least search leads. Which place along a bare wall is the right one
-    no evidence tells, and it is not for us to choose.
+    The first, where the least search leads, if both leave as much free and tie: which place
+    along a bare wall is the right one no evidence tells, and it is not for us to choose.
     """
-    first, best = ends[0], max(ends, key=lambda end: end.confidence)
+    first, best = ends[0], max(ends, key=lambda end: end.likelihood)
     tied = 0 < first.outcome.free <= best.outcome.free and (
         first.verdict.score >= best.verdict.score - TIE
     )

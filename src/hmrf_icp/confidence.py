@@ -37,16 +37,17 @@ def confidence(verdict: Verdict, free: int = 0) -> float:
     free
         Directions that the matched surfaces leave free.
     """
-    odds = math.exp(min(log_odds(verdict) - FREE * free, 700.0))
+    odds = math.exp(min(log_odds(verdict, free), 700.0))
     return odds / (1.0 + odds)
 
 
-def log_odds(verdict: Verdict) -> float:
-    """Logarithm of the odds of a pose that leaves no direction free."""
+def log_odds(verdict: Verdict, free: int = 0) -> float:
+    """Logarithm of the odds; see :func:`confidence`."""
     if not verdict.seen:
         share = min(max(verdict.score, PSEUDO), 1.0 - PSEUDO)
-        return math.log(share / (1.0 - share))
+        return math.log(share / (1.0 - share)) - FREE * free
     asked = max(verdict.asked, 1)
     agree = verdict.agree / asked + PSEUDO
     front = verdict.front / asked + PSEUDO
-    return CONSTANT + VIOLATIONS * math.log(front / agree) + AGREEMENT * math.log(agree)
+    odds = CONSTANT + VIOLATIONS * math.log(front / agree) + AGREEMENT * math.log(agree)
+    return odds - FREE * free

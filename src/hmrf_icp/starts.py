@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import numpy as np
 from numpy.typing import NDArray
@@ -40,6 +40,10 @@ class Level:
     margin: int
     scales: tuple[float, ...]
     steps: int
+
+    def tails(self) -> list[Level]:
+        """Return the same level from each of its scales down, all of them first."""
+        return [replace(self, scales=self.scales[first:]) for first in range(len(self.scales))]
 
 
 @dataclass(frozen=True, eq=False)
@@ -84,7 +88,8 @@ class Annealer:
         rows = evenly(mine, level.source_points)
         self._points, self._normals = mine.points[rows], mine.normals[rows]
         self._signed = mine.oriented and theirs.oriented
-        self._onto = kept.once(target, level, lambda: Onto.of(theirs, level))
+        grid = (level.target_points, level.cells, level.margin)
+        self._onto = kept.once(target, grid, lambda: Onto.of(theirs, level))
         self._scales = np.array(level.scales) * theirs.size
         self._steps = level.steps
 

@@ -1,0 +1,53 @@
+"""What the start says before anything is seen: the farther a pose is from it, the less likely.
+
+Two walls agree wherever they slide on each other, and little overlap tells little;
+what is left to choose by is that somebody gave this start and not another.
+"""
+
+from __future__ import annotations
+
+import math
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import NDArray
+
+from hmrf_icp import se3
+
+Array = NDArray[np.float64]
+
+NEAR = 0.15
+"""Radians, or shares of the size, within which one pose is about as likely as another."""
+
+FALL = 3.0
+"""Power of the distance with which the odds fall beyond that.
+
+How good a start is, nobody says: a power has no scale of its own, and still lets
+evidence win at any distance.
+"""
+
+
+@dataclass(frozen=True, eq=False)
+class StartPrior:
+    """Log-odds of poses for one start.
+
+    Parameters
+    ----------
+    start
+        (4, 4).
+    centre
+        (3,) centre of the source where the start puts it, metres.
+    size
+        Size of the target, metres: a shift by as much counts like a turn by a radian.
+    """
+
+    start: Array
+    centre: Array
+    size: float
+
+    def __call__(self, pose: Array) -> float:
+        """Log-odds of a pose (4, 4), 0 for the start itself."""
+        motion = pose @ se3.inverse(self.start)
+        shift = float(np.linalg.norm(se3.transform(motion, self.centre) - self.centre))
+        far = math.hypot(se3.rotation_angle(motion), shift / self.size)
+        return -0.5 * FALL * math.log1p((far / NEAR) ** 2)
