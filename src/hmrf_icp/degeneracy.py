@@ -32,8 +32,8 @@ from hmrf_icp import se3
 
 Array = NDArray[np.float64]
 
-SIGNAL = 4.0
-"""Times the information of noise alone that a direction must have: two deviations, squared.
+SIGNAL = 3.0
+"""Times the information of noise alone that a direction must have: twice as much again is true.
 
 Bare walls, cylinders and spheres with a depth camera's noise have 1 to 1.8; a corridor whose
 walls are seen at a grazing angle has more, 3 to 13, and there it is :data:`FLAT` that finds it
