@@ -50,6 +50,9 @@ TIE = 0.002
 CONVINCED = 0.5
 """Confidence from which no further starts are tried: more likely right than not."""
 
+HOPELESS = 6.0
+"""A candidate whose log-odds are as much worse than the best so far is not tried."""
+
 SHORT = 8
 """Iterations for a finalist: the right one needs no more, and the others lead nowhere."""
 
@@ -101,11 +104,9 @@ class CoarseToFine:
     ) -> Outcome:
         """Register; see :func:`hmrf_icp.register`."""
         search = Search(self, source, target, init, on_iteration)
-        nearest = search.tried(init)
         ends: list[Judged] = []
         for starts in (search.turns, search.shifts):
-            poses = search.candidates(starts)
-            ends.append(search.refined([nearest, *map(search.tried, poses)]))
+            ends.append(search.refined(search.tried(search.candidates(starts))))
             # Without free space to contradict them, more candidates are only more mistakes.
             if ends[0].confidence >= CONVINCED or not ends[0].verdict.seen:
                 break
@@ -151,8 +152,8 @@ class Search:
         self.turns = turned(init, middle, plan.turn, plan.apart)
         self.shifts = shifted(self.turns, plan.shift * size)
 
-    def candidates(self, starts: Array) -> Array:
-        """Poses (K, 4, 4) worth trying, the likeliest first, of those that starts lead to."""
+    def candidates(self, starts: Array) -> list[Candidate]:
+        """Poses worth trying of those that starts lead to; before them the start as it is."""
         plan, prior, judge = self._plan, self._prior, self._asked_early
 
         poses = self._annealed(plan.coarse, starts)
@@ -161,13 +162,23 @@ class Search:
 
         poses = self._annealed(plan.middle, poses)
         close = [self._annealed(level, prior.start[None]) for level in plan.close.tails()]
-        poses = np.concatenate([*close, poses])
+        poses = np.concatenate([prior.start[None], *close, poses])
         worth = np.array([log_odds(judge(pose)) + prior(pose) for pose in poses])
-        return np.asarray(poses[distinct(poses, worth, plan.finalists, 0.03, 0.02 * prior.size)])
+        best = distinct(poses[1:], worth[1:], plan.finalists, 0.03, 0.02 * prior.size)
+        return [Candidate(poses[i], worth[i]) for i in (0, *(1 + np.array(best)))]
 
-    def tried(self, pose: Array) -> Judged:
-        """Run Algorithm 1 from a pose on few points, and not for long."""
-        return self._judged(self._rough(pose, self._on_iteration, SHORT))
+    def tried(self, candidates: Sequence[Candidate]) -> list[Judged]:
+        """Run Algorithm 1 from candidates on few points, and not for long; the first stays first.
+
+        The likeliest goes first, and the hopeless are left out once it is known how it fares.
+        """
+        ends: dict[int, Judged] = {}
+        for i in sorted(range(len(candidates)), key=lambda i: -candidates[i].likelihood):
+            best = max((end.likelihood for end in ends.values()), default=-math.inf)
+            if candidates[i].likelihood < best - HOPELESS:
+                break
+            ends[i] = self._judged(self._rough(candidates[i].pose, self._on_iteration, SHORT))
+        return [ends[i] for i in sorted(ends)]
 
     def refined(self, ends: Sequence[Judged]) -> Judged:
         """Run the likeliest to the end; the next too while it is likelier than what came out."""
@@ -190,6 +201,13 @@ class Search:
     def _judged(self, outcome: Outcome) -> Judged:
         pose = outcome.transformation
         return Judged(outcome, self._asked_late(pose), self._prior(pose))
+
+
+class Candidate(NamedTuple):
+    """A pose (4, 4) that may be worth trying, and its log-odds as far as they can be told."""
+
+    pose: Array
+    likelihood: float
 
 
 class Judged(NamedTuple):
