@@ -25,7 +25,7 @@ from hmrf_icp.confidence import confidence, log_odds
 from hmrf_icp.criteria import StoppingRule
 from hmrf_icp.evidence import Judge, Verdict
 from hmrf_icp.icp import Iteration, Loop, Method, Outcome
-from hmrf_icp.prior import StartPrior
+from hmrf_icp.prior import FALL, FALL_UNSEEN, StartPrior
 from hmrf_icp.reject import Rejector
 from hmrf_icp.resolution import Reduced, reduced
 from hmrf_icp.starts import Annealer, Level, distinct, shifted, turned
@@ -148,7 +148,8 @@ class Search:
 
         size = surface_of(self._target).size
         middle = se3.transform(init, centre(surface_of(self._source)))
-        self._prior = StartPrior(init, middle, size)
+        fall = FALL if self._asked_late.seen else FALL_UNSEEN
+        self._prior = StartPrior(init, middle, size, fall)
         self.turns = turned(init, middle, plan.turn, plan.apart)
         self.shifts = shifted(self.turns, plan.shift * size)
 

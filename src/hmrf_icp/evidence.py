@@ -141,6 +141,11 @@ class Judge:
         The clouds.
     count
         Points of each that are asked.
+
+    Attributes
+    ----------
+    seen
+        Whether a sensor's view is known; otherwise surfaces that are near agree.
     """
 
     def __init__(self, source: PointCloud, target: PointCloud, count: int) -> None:
@@ -148,8 +153,8 @@ class Judge:
         self._of_target = Witness.of(surface_of(target), count)
         self._by_source: Asked | None = view_of(source)
         self._by_target: Asked | None = view_of(target)
-        self._seen = self._by_source is not None or self._by_target is not None
-        if not self._seen:
+        self.seen = self._by_source is not None or self._by_target is not None
+        if not self.seen:
             self._by_source, self._by_target = Near(source), Near(target)
 
     def __call__(self, pose: Array) -> Verdict:
@@ -163,4 +168,4 @@ class Judge:
                 verdict = view.ask(witness.points, witness.normals, motion)
                 counts += np.bincount(verdict, minlength=5)
         agree, front, behind, outside, other = (int(n) for n in counts)
-        return Verdict(agree, front, behind, outside, other, self._seen)
+        return Verdict(agree, front, behind, outside, other, self.seen)

@@ -26,6 +26,9 @@ How good a start is, nobody says: a power has no scale of its own, and still let
 evidence win at any distance.
 """
 
+FALL_UNSEEN = 1.0
+"""The same where no sensor's view is known, and evidence is no more than the share that agrees."""
+
 
 @dataclass(frozen=True, eq=False)
 class StartPrior:
@@ -39,15 +42,18 @@ class StartPrior:
         (3,) centre of the source where the start puts it, metres.
     size
         Size of the target, metres: a shift by as much counts like a turn by a radian.
+    fall
+        Power of the distance.
     """
 
     start: Array
     centre: Array
     size: float
+    fall: float = FALL
 
     def __call__(self, pose: Array) -> float:
         """Log-odds of a pose (4, 4), 0 for the start itself."""
         motion = pose @ se3.inverse(self.start)
         shift = float(np.linalg.norm(se3.transform(motion, self.centre) - self.centre))
         far = math.hypot(se3.rotation_angle(motion), shift / self.size)
-        return -0.5 * FALL * math.log1p((far / NEAR) ** 2)
+        return -0.5 * self.fall * math.log1p((far / NEAR) ** 2)
