@@ -3,9 +3,9 @@
 Algorithm 1 finds the nearest optimum, and knows no better. Here it has the last
 word only: a lattice of turns of the start is registered quickly on a coarse
 level, each end is held against what both sensors saw, the best are registered
-again on a finer level, and the few that free space contradicts least go through
-match, reject and align with everything that is known. Where what comes out is not
-to be believed, the same is done from shifted starts as well.
+again on a finer level, and the few likeliest, by that and by how near they are to
+the start, go through match, reject and align with everything that is known. Where
+what comes out is not to be believed, the same is done from shifted starts as well.
 """
 
 from __future__ import annotations
@@ -35,7 +35,6 @@ Array = NDArray[np.float64]
 
 ASKED_EARLY, ASKED_LATE = 1000, 4000
 """Points of each cloud that are held against the other's view: of many poses, and of the last."""
-
 
 COARSE = Level(600, 2500, 40, 8, (0.15, 0.08, 0.04, 0.02), 4)
 MIDDLE = Level(1500, 6000, 56, 3, (0.04, 0.03, 0.02, 0.015), 4)
