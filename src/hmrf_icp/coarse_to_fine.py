@@ -91,7 +91,7 @@ class CoarseToFine:
     middle: Level = MIDDLE
     close: Level = CLOSE
     kept: int = 20
-    finalists: int = 3
+    finalists: int = 6
     points: int = 20_000
 
     def run(
