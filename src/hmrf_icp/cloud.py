@@ -240,9 +240,9 @@ def require_registrable(cloud: PointCloud, name: str) -> None:
             )
 
 
-def some_of(points: NDArray[np.float64]) -> NDArray[np.float64]:
-    """Choose points (M, 3) evenly along the cloud, enough to tell its size."""
-    return points[:: max(1, len(points) // SAMPLE)]
+def some_of(points: NDArray[np.float64], count: int = SAMPLE) -> NDArray[np.float64]:
+    """Choose about ``count`` of the points (M, 3), evenly along the cloud."""
+    return points[:: max(1, len(points) // count)]
 
 
 def _dimensions(points: NDArray[np.float64], size: float) -> int:

@@ -13,6 +13,7 @@ from __future__ import annotations
 import math
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass, replace
+from functools import cached_property
 from typing import NamedTuple
 
 import numpy as np
@@ -143,6 +144,10 @@ class Search:
         self._fine = Loop(self._source, self._target, plan.method)
         self._asked_early = Judge(self._source, self._target, ASKED_EARLY)
         self._asked_late = Judge(self._source, self._target, ASKED_LATE)
+        self._coarse, self._middle, self._close = (
+            Annealer(self._source, self._target, level)
+            for level in (plan.coarse, plan.middle, plan.close)
+        )
         self._on_iteration = on_iteration
 
         size = surface_of(self._target).size
@@ -156,19 +161,17 @@ class Search:
         """Poses worth trying of those that starts lead to; before them the start as it is."""
         plan, prior, judge = self._plan, self._prior, self._asked_early
 
-        poses = self._annealed(plan.coarse, starts)
+        poses = self._coarse(starts)
         worth = np.array([judge(pose).balance for pose in poses])
         poses = poses[distinct(poses, worth, plan.kept, 0.05, 0.03 * prior.size)]
 
-        poses = self._annealed(plan.middle, poses)
-        close = [self._annealed(level, prior.start[None]) for level in plan.close.tails()]
-        poses = np.concatenate([prior.start[None], *close, poses])
+        poses = np.concatenate([prior.start[None], self._by_the_start, self._middle(poses)])
         worth = np.array([log_odds(judge(pose)) + prior(pose) for pose in poses])
         best = distinct(poses[1:], worth[1:], plan.finalists, 0.03, 0.02 * prior.size)
         return [Candidate(poses[i], worth[i]) for i in (0, *(1 + np.array(best)))]
 
     def tried(self, candidates: Sequence[Candidate]) -> list[Judged]:
-        """Run Algorithm 1 from candidates on few points, and not for long; the first stays first.
+        """Run Algorithm 1 from the start and the others on few points; the start stays first.
 
         The likeliest goes first, and the hopeless are left out once it is known how it fares.
         """
@@ -177,7 +180,7 @@ class Search:
             best = max((end.likelihood for end in ends.values()), default=-math.inf)
             if candidates[i].likelihood < best - HOPELESS:
                 break
-            ends[i] = self._judged(self._rough(candidates[i].pose, self._on_iteration, SHORT))
+            ends[i] = self._tried(candidates[i].pose) if i > 0 else self._nearest
         return [ends[i] for i in sorted(ends)]
 
     def refined(self, ends: Sequence[Judged]) -> Judged:
@@ -195,8 +198,18 @@ class Search:
         assert best is not None
         return best
 
-    def _annealed(self, level: Level, poses: Array) -> Array:
-        return Annealer(self._source, self._target, level)(poses)
+    @cached_property
+    def _by_the_start(self) -> Array:
+        """Poses (K, 4, 4) that the start itself leads to, whatever others are tried beside it."""
+        return self._close.from_each_scale(self._prior.start)
+
+    @cached_property
+    def _nearest(self) -> Judged:
+        """Where Algorithm 1 ends from the start as it is."""
+        return self._tried(self._prior.start)
+
+    def _tried(self, pose: Array) -> Judged:
+        return self._judged(self._rough(pose, self._on_iteration, SHORT))
 
     def _judged(self, outcome: Outcome) -> Judged:
         pose = outcome.transformation

@@ -17,7 +17,7 @@ from numpy.typing import NDArray
 
 from hmrf_icp import kept, mixture
 from hmrf_icp.beta import LARGEST, Prior, Schedule, most_likely
-from hmrf_icp.cloud import PointCloud
+from hmrf_icp.cloud import PointCloud, some_of
 from hmrf_icp.errors import InputError
 from hmrf_icp.graph import NeighbourGraph, Neighbours, PixelGrid, Update, nearest_graph, ring_graph
 from hmrf_icp.match import Matches, tree_of
@@ -188,7 +188,7 @@ def spacing(cloud: PointCloud, sample: int = SPACING_SAMPLE) -> float:
     points = cloud.observed_points
 
     def measure() -> float:
-        some = np.ascontiguousarray(points[:: max(1, len(points) // sample)])
+        some = np.ascontiguousarray(some_of(points, sample))
         distance, _ = tree_of(cloud).query(some, k=2)
         return float(np.median(distance[:, 1]))
 

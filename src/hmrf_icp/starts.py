@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass, replace
+from dataclasses import dataclass
 
 import numpy as np
 from numpy.typing import NDArray
@@ -40,10 +40,6 @@ class Level:
     margin: int
     scales: tuple[float, ...]
     steps: int
-
-    def tails(self) -> list[Level]:
-        """Return the same level from each of its scales down, all of them first."""
-        return [replace(self, scales=self.scales[first:]) for first in range(len(self.scales))]
 
 
 @dataclass(frozen=True, eq=False)
@@ -93,8 +89,12 @@ class Annealer:
         self._scales = np.array(level.scales) * theirs.size
         self._steps = level.steps
 
-    def __call__(self, poses: Array) -> Array:
-        """Return where the starts (K, 4, 4) end."""
+    def from_each_scale(self, pose: Array) -> Array:
+        """Return where one start (4, 4) ends from each of the scales down, all of them first."""
+        return np.concatenate([self(pose[None], first) for first in range(len(self._scales))])
+
+    def __call__(self, poses: Array, first: int = 0) -> Array:
+        """Return where the starts (K, 4, 4) end, from the scale number ``first`` down."""
         from hmrf_icp.kernels.annealed import anneal
 
         ends = np.array(poses, dtype=np.float64)
@@ -108,7 +108,7 @@ class Annealer:
             onto.table,
             onto.corner,
             onto.edge,
-            self._scales,
+            self._scales[first:],
             self._steps,
             0.02,
             ends,
