@@ -96,6 +96,15 @@ def test_one_coordinate_that_is_not_finite_makes_a_point_unobserved():
     assert cloud.observed_points.shape == (2, 3)
 
 
+def test_a_beam_that_did_not_return_is_unobserved_where_the_sensor_is_known():
+    points = np.random.default_rng(0).normal(size=(20, 3)) + 5.0
+    points[[2, 7]] = 0.0
+    assert len(PointCloud(points)) == 20
+    assert not PointCloud(points, viewpoint=np.zeros(3)).observed[[2, 7]].any()
+    assert len(PointCloud(points + 1.0, viewpoint=np.ones(3))) == 18
+    assert len(PointCloud(points, viewpoint=np.ones(3))) == 20
+
+
 def test_values_are_laid_out_where_the_points_are():
     points = np.ones((2, 3, 3))
     points[0, 1] = np.nan

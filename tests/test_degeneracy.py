@@ -166,7 +166,8 @@ def test_point_to_point_does_not_look():
 def test_a_direction_is_bound_where_the_signal_is_above_the_noise():
     information = np.diag([100.0, 100.0, 100.0, 50.0, 50.0, 10.0])
     assert split(information, 0.01 * np.eye(6)).free.shape == (6, 0)
-    free, bound = split(information, 4.0 * np.eye(6))
+    free, bound, weakest = split(information, 4.0 * np.eye(6))
+    assert weakest == pytest.approx(10.0 / (3.0 * 4.0 + 0.1))
     np.testing.assert_allclose(np.abs(free[:, 0]), np.eye(6)[5], atol=1e-12)
     assert bound.shape == (6, 5)
     np.testing.assert_allclose(bound.T @ free, 0.0, atol=1e-12)
@@ -176,7 +177,7 @@ def test_a_direction_is_bound_where_the_signal_is_above_the_noise():
 
 def test_noise_along_one_direction_frees_that_one():
     # The weakest direction is clean and the strongest is all noise.
-    free, _ = split(np.diag([9.0, 1, 1, 1, 1, 0.1]), np.diag([9.0, 0, 0, 0, 0, 0]))
+    free = split(np.diag([9.0, 1, 1, 1, 1, 0.1]), np.diag([9.0, 0, 0, 0, 0, 0])).free
     np.testing.assert_allclose(np.abs(free[:, 0]), np.eye(6)[0], atol=1e-12)
 
 

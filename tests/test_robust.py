@@ -185,13 +185,16 @@ def test_a_bare_wall_is_not_slid_along():
     normal /= np.linalg.norm(normal)
     assert np.linalg.norm(went - (went @ normal) * normal) < 0.01
     assert len(result.degenerate) == 3
+    # Everything agrees, and yet nobody knows where along the wall it belongs.
+    assert result.verdict.front == 0
+    assert result.confidence < 0.5
 
 
-def test_each_free_direction_takes_away_confidence():
+def test_the_less_a_direction_is_known_the_less_is_believed():
     verdict = Judge(frame(4), frame(0), 2000)(true_motion(4, 0))
-    found = [confidence(verdict, free) for free in range(4)]
-    assert found == sorted(found, reverse=True)
-    assert found[0] > 0.9
-    assert found[3] < found[0] - 0.02
+    found = [confidence(verdict, weakest) for weakest in (0.0, 0.1, 1.0, 3.0, 10.0, 30.0)]
+    assert found == sorted(found)
+    assert found[-1] == confidence(verdict) > 0.9
+    assert found[1] < 0.5
     unseen = replace(verdict, seen=False)
-    assert 0.0 < confidence(unseen, 3) < confidence(unseen) == pytest.approx(unseen.score)
+    assert 0.0 < confidence(unseen, 0.5) < confidence(unseen) == pytest.approx(unseen.score)

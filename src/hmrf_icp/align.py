@@ -44,11 +44,15 @@ class Step:
     degenerate
         (k, 6) unit twists that the matches leave free and ``motion`` has nothing of:
         1 rad about an axis, or 1 m along one. None where nobody looked.
+    weakest
+        How many times what it must have, to be followed, is known of the direction known
+        least; below 1 it is one of ``degenerate``. None where nobody looked.
     """
 
     motion: Array
     information: Array | None = None
     degenerate: Array | None = None
+    weakest: float | None = None
 
 
 class Align(Protocol):

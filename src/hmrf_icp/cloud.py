@@ -34,7 +34,7 @@ class PointCloud:
     ----------
     points
         (H, W, 3) for an organised cloud, (N, 3) for any other. A point with a
-        coordinate that is not finite is *unobserved*.
+        coordinate that is not finite is *unobserved*, and so is one at the viewpoint.
     camera
         The camera that the organised points were seen with, at the origin of
         the cloud's frame. None where it is not known.
@@ -65,7 +65,6 @@ class PointCloud:
                 + ("; make it a cloud with PointCloud.from_depth" if points.ndim == 2 else "")
             )
         points[~np.isfinite(points).all(axis=-1)] = np.nan
-        points.flags.writeable = False
         object.__setattr__(self, "points", points)
         if self.camera is not None:
             self._check_camera(self.camera)
@@ -75,6 +74,10 @@ class PointCloud:
             if viewpoint.shape != (3,) or not np.isfinite(viewpoint).all():
                 raise InputError(f"viewpoint: expected three finite numbers, got {self.viewpoint}")
             object.__setattr__(self, "viewpoint", viewpoint)
+        if self.viewpoint is not None:
+            # No sensor sees where it stands: so recorders write beams that did not return.
+            points[(points == self.viewpoint).all(axis=-1)] = np.nan
+        points.flags.writeable = False
 
     def _check_camera(self, camera: PinholeCamera) -> None:
         if self.points.ndim != 3:

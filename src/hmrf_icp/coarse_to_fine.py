@@ -233,12 +233,12 @@ class Judged(NamedTuple):
     @property
     def confidence(self) -> float:
         """What the verdict is worth, whatever the start was."""
-        return confidence(self.verdict, self.outcome.free)
+        return confidence(self.verdict, self.outcome.weakest)
 
     @property
     def likelihood(self) -> float:
         """Log-odds of the pose, with all that is known."""
-        return log_odds(self.verdict, self.outcome.free) + self.prior
+        return log_odds(self.verdict, self.outcome.weakest) + self.prior
 
 
 def likeliest(ends: Sequence[Judged]) -> Judged:

@@ -1,9 +1,9 @@
 """How far a registration can be believed: the evidence for its pose as a probability.
 
-A logistic regression on what both sensors saw and on how many directions the
-surfaces leave free, fitted to poses, right and wrong ones, of rendered depth maps
-(kitchen, tabletop) and of a real structured-light camera; what it is worth on others
-is in ``docs/confidence.md``.
+A logistic regression on what both sensors saw and on how well the matched surfaces
+hold the pose in the direction in which they hold it least, fitted to poses, right and
+wrong ones, of rendered depth maps (a kitchen, a tabletop, rooms furnished at random) and
+of a real structured-light camera; what it is worth on others is in ``docs/confidence.md``.
 """
 
 from __future__ import annotations
@@ -12,20 +12,22 @@ import math
 
 from hmrf_icp.evidence import Verdict
 
-CONSTANT, VIOLATIONS, AGREEMENT = -4.244, -1.703, 0.688
-"""Log-odds: alone, for each e-fold of free space violated to agreement, and of agreement."""
+CONSTANT, VIEWS, HELD = -2.80, 1.33, 1.16
+"""Log-odds: alone, for each e-fold of agreement to free space violated, and for each e-fold of
+what is known of the direction known least, up to :data:`ENOUGH`."""
 
-FREE = 1.2
-"""What each direction takes off the log-odds along which the matched surfaces slide.
+ENOUGH = 20.0
+"""Times what a direction must have to be followed, from which more of it says no more."""
 
-A plane laid on a plane agrees wherever it lies.
-"""
+SLIDES, SLIDING = 1.26, 0.82
+"""Log-odds at the most: the first times the second and the logarithm of what is known of that
+direction. A plane laid on a plane agrees wherever it lies, and no view makes up for that."""
 
 PSEUDO = 0.001
 """Share of the points asked that is added to every count, so that none is zero."""
 
 
-def confidence(verdict: Verdict, free: int = 0) -> float:
+def confidence(verdict: Verdict, weakest: float | None = None) -> float:
     """Probability in [0, 1] that a pose with this verdict is right.
 
     Parameters
@@ -33,21 +35,30 @@ def confidence(verdict: Verdict, free: int = 0) -> float:
     verdict
         Where no viewpoint is known (``verdict.seen`` is False) nothing can be
         contradicted, and the answer is only the share of points that agree,
-        less for free directions: it ranks poses of one pair, and is not calibrated.
-    free
-        Directions that the matched surfaces leave free.
+        less where a direction is hardly known: it ranks poses of one pair, and is not calibrated.
+    weakest
+        How well the direction known least is known (:class:`hmrf_icp.align.Step`);
+        None where nobody looked, and it is taken for well known.
     """
-    odds = math.exp(min(log_odds(verdict, free), 700.0))
+    most = SLIDES * (SLIDING + math.log(_known(weakest)))
+    odds = math.exp(min(log_odds(verdict, weakest), most))
     return odds / (1.0 + odds)
 
 
-def log_odds(verdict: Verdict, free: int = 0) -> float:
-    """Logarithm of the odds; see :func:`confidence`."""
+def log_odds(verdict: Verdict, weakest: float | None = None) -> float:
+    """Evidence for the pose, to choose among several; see :func:`confidence` for what it is worth.
+
+    How far views agree tells two poses apart along which surfaces slide alike.
+    """
+    held = HELD * math.log(_known(weakest) / ENOUGH)
     if not verdict.seen:
         share = min(max(verdict.score, PSEUDO), 1.0 - PSEUDO)
-        return math.log(share / (1.0 - share)) - FREE * free
+        return math.log(share / (1.0 - share)) + held
     asked = max(verdict.asked, 1)
     agree = verdict.agree / asked + PSEUDO
     front = verdict.front / asked + PSEUDO
-    odds = CONSTANT + VIOLATIONS * math.log(front / agree) + AGREEMENT * math.log(agree)
-    return odds - FREE * free
+    return CONSTANT + VIEWS * math.log(agree / front) + held
+
+
+def _known(weakest: float | None) -> float:
+    return ENOUGH if weakest is None else min(max(weakest, PSEUDO), ENOUGH)

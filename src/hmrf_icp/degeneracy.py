@@ -60,11 +60,13 @@ Its axis, if it has one, is five sizes of the scene away.
 class Split(NamedTuple):
     """Motions (6, k) that the matches leave free, and those (6, 6 - k) that they determine.
 
-    Together the columns are an orthonormal basis.
+    Together the columns are an orthonormal basis. ``weakest`` is how many times the
+    information that it must have the least known direction has; below 1 it is free.
     """
 
     free: Array
     bound: Array
+    weakest: float
 
 
 def split(information: Array, noise: Array) -> Split:
@@ -80,17 +82,17 @@ def split(information: Array, noise: Array) -> Split:
     """
     largest = float(np.linalg.eigvalsh(information)[-1])
     if not largest > 0.0:
-        return Split(np.eye(6), np.zeros((6, 0)))
+        return Split(np.eye(6), np.zeros((6, 0)), 0.0)
     # Directions v with v'Av < v'Bv, A v = lambda B v: through B = LL', a symmetric problem.
     root = np.linalg.cholesky(SIGNAL * noise + FLAT * largest * np.eye(6))
     half = np.linalg.solve(root, information)
     ratio, directions = np.linalg.eigh(np.linalg.solve(root, half.T))
-    count = int(np.count_nonzero(ratio < 1.0))
+    count, weakest = int(np.count_nonzero(ratio < 1.0)), max(float(ratio[0]), 0.0)
     if count == 0:
-        return Split(np.zeros((6, 0)), np.eye(6))
+        return Split(np.zeros((6, 0)), np.eye(6), weakest)
     free = np.linalg.solve(root.T, directions[:, :count])
     basis, _ = np.linalg.qr(np.hstack([free, np.eye(6)]))
-    return Split(basis[:, :count], basis[:, count:])
+    return Split(basis[:, :count], basis[:, count:], weakest)
 
 
 def unit_twists(free: Array, length: float, centre: Array) -> Array:

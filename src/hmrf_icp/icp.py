@@ -132,6 +132,11 @@ class Outcome:
         """How many directions the matches leave free, as far as the metric looked."""
         return 0 if self.last is None or self.last.degenerate is None else len(self.last.degenerate)
 
+    @property
+    def weakest(self) -> float | None:
+        """How well the direction known least is known; see :class:`~hmrf_icp.align.Step`."""
+        return None if self.last is None else self.last.weakest
+
 
 class Loop:
     """Algorithm 1 on one pair of clouds: its parts prepared once, run from any number of starts.

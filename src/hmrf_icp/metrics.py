@@ -134,7 +134,7 @@ class SurfaceMetric:
         both = np.outer(units, units)
         truth, noise = kernels.geometry(*m[:6], m.apart, centre)
         information = matrix(truth) * both
-        free, bound = split(information, matrix(noise) * both)
+        free, bound, weakest = split(information, matrix(noise) * both)
         if bound.shape[1] == 0:
             return None
 
@@ -155,6 +155,7 @@ class SurfaceMetric:
             se3.rigid(np.eye(3), centre) @ motion @ se3.rigid(np.eye(3), -centre),
             about_origin(known, centre) / excess(truth[kernels.COST], m.chance),
             unit_twists(free, length, centre),
+            weakest,
         )
 
 
