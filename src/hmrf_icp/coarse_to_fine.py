@@ -2,10 +2,10 @@
 
 Algorithm 1 finds the nearest optimum, and knows no better. Here it has the last
 word only: a lattice of turns of the start is registered quickly on a coarse
-level, each end is held against what both sensors saw, the best are registered
-again on a finer level, and the few likeliest, by that and by how near they are to
-the start, go through match, reject and align with everything that is known. Where
-what comes out is not to be believed, the same is done from shifted starts as well.
+level, and the start itself on a finer one from several scales down; each end is
+held against what both sensors saw, and the few likeliest, by that and by how near
+they are to the start, go through match, reject and align with everything that is known.
+Where what comes out is not to be believed, the same is done from shifted starts as well.
 """
 
 from __future__ import annotations
@@ -38,7 +38,6 @@ ASKED_EARLY, ASKED_LATE = 1000, 4000
 """Points of each cloud that are held against the other's view: of many poses, and of the last."""
 
 COARSE = Level(600, 2500, 40, 8, (0.15, 0.08, 0.04, 0.02), 4)
-MIDDLE = Level(1500, 6000, 56, 3, (0.04, 0.03, 0.02, 0.015), 4)
 CLOSE = Level(1500, 6000, 56, 3, (0.15, 0.08, 0.04, 0.03, 0.02, 0.015), 8)
 
 FEWER = 4
@@ -73,12 +72,12 @@ class CoarseToFine:
     shift
         How far it is shifted as well, each way along each axis, where turns alone do
         not convince: a share of the target's size.
-    coarse, middle
-        How the candidates are registered before that.
+    coarse
+        How the turned and shifted starts are registered before that.
     close
         How the start itself is, from each of the scales down.
-    kept, finalists
-        Candidates that go on to the middle level, and to Algorithm 1.
+    finalists
+        Candidates that go on to Algorithm 1, beside the start as it is.
     points
         Points of each cloud that Algorithm 1 sees at most; clouds of more are
         thinned out, and their labels filled in from the points that were kept.
@@ -89,9 +88,7 @@ class CoarseToFine:
     apart: float = math.radians(20.0)
     shift: float = 0.3
     coarse: Level = COARSE
-    middle: Level = MIDDLE
     close: Level = CLOSE
-    kept: int = 20
     finalists: int = 6
     points: int = 20_000
 
@@ -144,9 +141,8 @@ class Search:
         self._fine = Loop(self._source, self._target, plan.method)
         self._asked_early = Judge(self._source, self._target, ASKED_EARLY)
         self._asked_late = Judge(self._source, self._target, ASKED_LATE)
-        self._coarse, self._middle, self._close = (
-            Annealer(self._source, self._target, level)
-            for level in (plan.coarse, plan.middle, plan.close)
+        self._coarse, self._close = (
+            Annealer(self._source, self._target, level) for level in (plan.coarse, plan.close)
         )
         self._on_iteration = on_iteration
 
@@ -159,15 +155,10 @@ class Search:
 
     def candidates(self, starts: Array) -> list[Candidate]:
         """Poses worth trying of those that starts lead to; before them the start as it is."""
-        plan, prior, judge = self._plan, self._prior, self._asked_early
-
-        poses = self._coarse(starts)
-        worth = np.array([judge(pose).balance for pose in poses])
-        poses = poses[distinct(poses, worth, plan.kept, 0.05, 0.03 * prior.size)]
-
-        poses = np.concatenate([prior.start[None], self._by_the_start, self._middle(poses)])
+        prior, judge = self._prior, self._asked_early
+        poses = np.concatenate([prior.start[None], self._by_the_start, self._coarse(starts)])
         worth = np.array([log_odds(judge(pose)) + prior(pose) for pose in poses])
-        best = distinct(poses[1:], worth[1:], plan.finalists, 0.03, 0.02 * prior.size)
+        best = distinct(poses[1:], worth[1:], self._plan.finalists, 0.03, 0.02 * prior.size)
         return [Candidate(poses[i], worth[i]) for i in (0, *(1 + np.array(best)))]
 
     def tried(self, candidates: Sequence[Candidate]) -> list[Judged]:

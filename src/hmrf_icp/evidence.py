@@ -23,9 +23,6 @@ Nothing can stand where a sensor looked through: at a right pose such points are
 the few that noise and mixed pixels make.
 """
 
-ROUGH_VIOLATION = 2.0
-"""The same on the coarse level, where a right pose is still off by several bands."""
-
 DOUBT = 0.01
 """Agreement that comes for nothing, as a share of the points asked: chance, not evidence."""
 
@@ -85,11 +82,6 @@ class Verdict:
         if not self.seen:
             return self.agree / asked
         return self.agree / (self.agree + VIOLATION * self.front + DOUBT * asked)
-
-    @property
-    def balance(self) -> float:
-        """Agreement less violations: ranks poses too rough for :attr:`score` to be fair to."""
-        return float(self.agree - ROUGH_VIOLATION * self.front)
 
 
 def evenly(surface: Surface, count: int) -> NDArray[np.intp]:
