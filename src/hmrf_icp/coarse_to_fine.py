@@ -13,7 +13,7 @@ from __future__ import annotations
 import math
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass, replace
-from functools import cached_property
+from itertools import islice
 from typing import NamedTuple
 
 import numpy as np
@@ -101,13 +101,10 @@ class CoarseToFine:
     ) -> Outcome:
         """Register; see :func:`hmrf_icp.register`."""
         search = Search(self, source, target, init, on_iteration)
-        ends: list[Judged] = []
-        for starts in (search.turns, search.shifts):
-            ends.append(search.refined(search.tried(search.candidates(starts))))
-            # Without free space to contradict them, more candidates are only more mistakes.
-            if ends[0].confidence >= CONVINCED or not ends[0].verdict.seen:
-                break
-        end = likeliest(ends)
+        end = search.among(search.turns)
+        # Without free space to contradict them, more candidates are only more mistakes.
+        if end.verdict.seen and end.confidence < CONVINCED:
+            end = search.among(search.shifts)
         return replace(
             spread(end.outcome, search.many), verdict=end.verdict, confidence=end.confidence
         )
@@ -123,7 +120,7 @@ class CoarseToFine:
 
 
 class Search:
-    """The search for one pair of clouds from one start, with what every step of it needs."""
+    """The search for one pair of clouds from one start: what it needs, and what it has found."""
 
     def __init__(
         self,
@@ -153,54 +150,59 @@ class Search:
         self.turns = turned(init, middle, plan.turn, plan.apart)
         self.shifts = shifted(self.turns, plan.shift * size)
 
-    def candidates(self, starts: Array) -> list[Candidate]:
-        """Poses worth trying of those that starts lead to; before them the start as it is."""
-        prior, judge = self._prior, self._asked_early
-        poses = np.concatenate([prior.start[None], self._by_the_start, self._coarse(starts)])
-        worth = np.array([log_odds(judge(pose)) + prior(pose) for pose in poses])
-        best = distinct(poses[1:], worth[1:], self._plan.finalists, 0.03, 0.02 * prior.size)
-        return [Candidate(poses[i], worth[i]) for i in (0, *(1 + np.array(best)))]
+        self._candidates: list[Candidate] = []
+        self._ends: list[Judged] = []
+        self._best: Judged | None = None
 
-    def tried(self, candidates: Sequence[Candidate]) -> list[Judged]:
-        """Run Algorithm 1 from the start and the others on few points; the start stays first.
+    def among(self, starts: Array) -> Judged:
+        """Return the likeliest end of all starts so far, these (K, 4, 4) and the given one."""
+        candidates = self._worth_trying(starts)
+        self._candidates += candidates
+        self._ends += self._tried(candidates)
+        return self._refined()
+
+    def _worth_trying(self, starts: Array) -> list[Candidate]:
+        """Poses that starts lead to, but to none that was tried; at first the given start too."""
+        prior, poses = self._prior, self._coarse(starts)
+        first = not self._candidates
+        if first:
+            poses = np.concatenate([self._close.from_each_scale(prior.start), poses])
+        worth = np.array([self._likelihood(pose) for pose in poses])
+        before = [candidate.pose for candidate in self._candidates]
+        rows = distinct(poses, worth, before, 0.03, 0.02 * prior.size)
+        found = [Candidate(poses[i], worth[i]) for i in islice(rows, self._plan.finalists)]
+        # The start as it is has a place beside them: it wins where no evidence decides.
+        return [Candidate(prior.start, self._likelihood(prior.start)), *found] if first else found
+
+    def _likelihood(self, pose: Array) -> float:
+        return log_odds(self._asked_early(pose)) + self._prior(pose)
+
+    def _tried(self, candidates: Sequence[Candidate]) -> list[Judged]:
+        """Run Algorithm 1 from the candidates on few points, and keep their order.
 
         The likeliest goes first, and the hopeless are left out once it is known how it fares.
         """
         ends: dict[int, Judged] = {}
+        best = -math.inf if self._best is None else self._best.likelihood
         for i in sorted(range(len(candidates)), key=lambda i: -candidates[i].likelihood):
-            best = max((end.likelihood for end in ends.values()), default=-math.inf)
             if candidates[i].likelihood < best - HOPELESS:
                 break
-            ends[i] = self._tried(candidates[i].pose) if i > 0 else self._nearest
+            ends[i] = self._judged(self._rough(candidates[i].pose, self._on_iteration, SHORT))
+            best = max(best, ends[i].likelihood)
         return [ends[i] for i in sorted(ends)]
 
-    def refined(self, ends: Sequence[Judged]) -> Judged:
+    def _refined(self) -> Judged:
         """Run the likeliest to the end; the next too while it is likelier than what came out."""
-        waiting = list(ends)
-        best: Judged | None = None
-        while waiting:
-            end = likeliest(waiting)
-            if best is not None and end.likelihood <= best.likelihood:
+        while self._ends:
+            end = likeliest(self._ends)
+            if self._best is not None and end.likelihood <= self._best.likelihood:
                 break
-            waiting.remove(end)
+            self._ends.remove(end)
             outcome = self._fine(end.outcome.transformation, self._on_iteration)
             refined = self._judged(after(end.outcome, outcome))
-            best = refined if best is None else likeliest([best, refined])
-        assert best is not None
-        return best
-
-    @cached_property
-    def _by_the_start(self) -> Array:
-        """Poses (K, 4, 4) that the start itself leads to, whatever others are tried beside it."""
-        return self._close.from_each_scale(self._prior.start)
-
-    @cached_property
-    def _nearest(self) -> Judged:
-        """Where Algorithm 1 ends from the start as it is."""
-        return self._tried(self._prior.start)
-
-    def _tried(self, pose: Array) -> Judged:
-        return self._judged(self._rough(pose, self._on_iteration, SHORT))
+            self._best = refined if self._best is None else likeliest([self._best, refined])
+        assert self._best is not None
+        return self._best
 
     def _judged(self, outcome: Outcome) -> Judged:
         pose = outcome.transformation

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Iterator, Sequence
 from dataclasses import dataclass
 
 import numpy as np
@@ -151,19 +152,22 @@ def shifted(poses: Array, by: float) -> Array:
     return six.reshape(-1, 4, 4)
 
 
-def distinct(poses: Array, worth: Array, most: int, angle: float, shift: float) -> list[int]:
-    """Choose the worthiest poses, no two within ``angle`` (rad) and ``shift`` (m)."""
-    kept: list[int] = []
+def distinct(
+    poses: Array, worth: Array, others: Sequence[Array], angle: float, shift: float
+) -> Iterator[int]:
+    """Go through poses (K, 4, 4), the worthiest first, and leave out those that were there.
+
+    A pose was there if another, or one of ``others``, is within ``angle`` (rad) and ``shift`` (m).
+    """
+    there = list(others)
     for i in np.argsort(-worth, kind="stable"):
-        for j in kept:
-            between = se3.inverse(poses[j]) @ poses[i]
-            if (
-                se3.rotation_angle(between) < angle
-                and float(np.linalg.norm(poses[i][:3, 3] - poses[j][:3, 3])) < shift
-            ):
-                break
-        else:
-            kept.append(int(i))
-            if len(kept) == most:
-                break
-    return kept
+        pose = poses[i]
+        if not any(_near(pose, other, angle, shift) for other in there):
+            there.append(pose)
+            yield int(i)
+
+
+def _near(one: Array, other: Array, angle: float, shift: float) -> bool:
+    if float(np.linalg.norm(one[:3, 3] - other[:3, 3])) >= shift:
+        return False
+    return se3.rotation_angle(se3.inverse(other) @ one) < angle
