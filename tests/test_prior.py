@@ -45,6 +45,34 @@ def test_a_scene_of_another_size_is_judged_in_the_same_way(scale, angle, metres)
     assert there(scaled) == pytest.approx(HERE(pose), rel=1e-6, abs=1e-9)
 
 
+FREE = np.array(
+    [
+        [0.0, 0.0, 1.0, 0.4, -0.1, 0.0],  # about an upright axis
+        [0.0, 0.0, 0.0, 0.6, 0.0, 0.8],  # along a wall
+    ]
+)
+
+
+@given(
+    angle=st.floats(-0.8, 0.8),
+    metres=st.floats(-1.0, 1.0),
+    x=st.floats(-1.0, 1.0),
+    y=st.floats(-1.0, 1.0),
+)
+def test_of_the_poses_along_free_motions_the_nearest_to_the_start_is_found(angle, metres, x, y):
+    pose = shifted(metres) @ turned(angle)
+    nearest = HERE.nearest(pose, FREE)
+    assert HERE(nearest) >= HERE(pose) - 1e-9
+    assert HERE(nearest) >= HERE(se3.exp(0.3 * np.array([x, y]) @ FREE) @ nearest) - 1e-4
+    np.testing.assert_allclose(HERE.nearest(nearest, FREE), nearest, atol=1e-3)
+
+
+def test_where_everything_is_free_the_nearest_pose_is_the_start():
+    np.testing.assert_allclose(
+        HERE.nearest(shifted(0.7) @ turned(0.5), np.eye(6)), np.eye(4), atol=1e-6
+    )
+
+
 def facade(rays):
     """A wall in waves of 50 cm that goes on to both sides, above a floor."""
     wall = np.full(rays.shape[:2], 2.0)

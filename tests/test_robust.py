@@ -120,7 +120,7 @@ def test_the_true_pose_violates_no_free_space_and_a_wrong_one_does():
     right, wrong = judge(truth), judge(off)
     assert right.front <= 0.01 * right.agree
     assert wrong.front > 10 * right.front + 10
-    assert right.score > wrong.score
+    assert confidence(right) > confidence(wrong)
 
 
 def test_a_view_tells_front_from_behind_from_outside():
@@ -197,4 +197,9 @@ def test_the_less_a_direction_is_known_the_less_is_believed():
     assert found[-1] == confidence(verdict) > 0.9
     assert found[1] < 0.5
     unseen = replace(verdict, seen=False)
-    assert 0.0 < confidence(unseen, 0.5) < confidence(unseen) == pytest.approx(unseen.score)
+    assert (
+        0.0
+        < confidence(unseen, 0.5)
+        < confidence(unseen)
+        == pytest.approx(unseen.agree / unseen.asked)
+    )

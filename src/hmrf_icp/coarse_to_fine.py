@@ -24,6 +24,7 @@ from hmrf_icp.align import Aligner
 from hmrf_icp.cloud import PointCloud
 from hmrf_icp.confidence import confidence, log_odds
 from hmrf_icp.criteria import StoppingRule
+from hmrf_icp.degeneracy import NOISE_ALONE
 from hmrf_icp.evidence import Judge, Verdict
 from hmrf_icp.icp import Iteration, Loop, Method, Outcome
 from hmrf_icp.prior import FALL, FALL_UNSEEN, StartPrior
@@ -43,14 +44,17 @@ CLOSE = Level(1500, 6000, 56, 3, (0.15, 0.08, 0.04, 0.03, 0.02, 0.015), 8)
 FEWER = 4
 """The finalists are compared on this many times fewer source points than the winner has."""
 
-TIE = 0.002
-"""Scores that differ by less are equal."""
-
 CONVINCED = 0.5
 """Confidence from which no further starts are tried: more likely right than not."""
 
 HOPELESS = 6.0
 """A candidate whose log-odds are as much worse than the best so far is not tried."""
+
+SLACK = 1.0
+"""Log-odds that a pose may lose by going back to the start along a free direction.
+
+That it agrees with a little more somewhere else along a wall is no evidence.
+"""
 
 SHORT = 8
 """Iterations for a finalist: the right one needs no more, and the others lead nowhere."""
@@ -199,10 +203,19 @@ class Search:
                 break
             self._ends.remove(end)
             outcome = self._fine(end.outcome.transformation, self._on_iteration)
-            refined = self._judged(after(end.outcome, outcome))
+            refined = self._unmoved(self._judged(after(end.outcome, outcome)))
             self._best = refined if self._best is None else likeliest([self._best, refined])
         assert self._best is not None
         return self._best
+
+    def _unmoved(self, end: Judged) -> Judged:
+        """Take back what the search did along directions of which nothing is known."""
+        last = end.outcome.last
+        if last is None or last.degenerate is None or (last.weakest or 0.0) >= NOISE_ALONE:
+            return end
+        pose = self._prior.nearest(end.outcome.transformation, last.degenerate)
+        back = self._judged(after(end.outcome, self._fine(pose, self._on_iteration)))
+        return back if back.likelihood >= end.likelihood - SLACK else end
 
     def _judged(self, outcome: Outcome) -> Judged:
         pose = outcome.transformation
@@ -235,16 +248,8 @@ class Judged(NamedTuple):
 
 
 def likeliest(ends: Sequence[Judged]) -> Judged:
-    """Choose the one for which evidence and start together speak most.
-
-    The first, where the least search leads, if both leave as much free and tie: which place
-    along a bare wall is the right one no evidence tells, and it is not for us to choose.
-    """
-    first, best = ends[0], max(ends, key=lambda end: end.likelihood)
-    tied = 0 < first.outcome.free <= best.outcome.free and (
-        first.verdict.score >= best.verdict.score - TIE
-    )
-    return first if tied else best
+    """Choose the one for which evidence and start together speak most; the first of equals."""
+    return max(ends, key=lambda end: end.likelihood)
 
 
 def after(before: Outcome, outcome: Outcome) -> Outcome:

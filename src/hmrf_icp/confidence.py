@@ -51,10 +51,10 @@ def log_odds(verdict: Verdict, weakest: float | None = None) -> float:
     How far views agree tells two poses apart along which surfaces slide alike.
     """
     held = HELD * math.log(_known(weakest) / ENOUGH)
-    if not verdict.seen:
-        share = min(max(verdict.score, PSEUDO), 1.0 - PSEUDO)
-        return math.log(share / (1.0 - share)) + held
     asked = max(verdict.asked, 1)
+    if not verdict.seen:
+        share = min(max(verdict.agree / asked, PSEUDO), 1.0 - PSEUDO)
+        return math.log(share / (1.0 - share)) + held
     agree = verdict.agree / asked + PSEUDO
     front = verdict.front / asked + PSEUDO
     return CONSTANT + VIEWS * math.log(agree / front) + held

@@ -41,6 +41,13 @@ walls are seen at a grazing angle has more, 3 to 13, and there it is :data:`FLAT
 along their weakest direction, and more of that is to be followed than is noise; others 20 and more.
 """
 
+NOISE_ALONE = 1.0 / SIGNAL
+"""Times what a direction must have that noise makes where the surfaces leave it free.
+
+Bare walls, floors, corridors and columns have up to 0.37. What is above and still below 1 is not
+followed, but a search that compares poses may have found it.
+"""
+
 FLAT = 1e-3
 """Share of the largest information below which a direction is free though nothing is noisy.
 

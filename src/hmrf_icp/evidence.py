@@ -16,16 +16,6 @@ from hmrf_icp.view import BAND, view_of
 
 Array = NDArray[np.float64]
 
-VIOLATION = 5.0
-"""How many agreeing points one point in free space outweighs.
-
-Nothing can stand where a sensor looked through: at a right pose such points are
-the few that noise and mixed pixels make.
-"""
-
-DOUBT = 0.01
-"""Agreement that comes for nothing, as a share of the points asked: chance, not evidence."""
-
 
 @dataclass(frozen=True, eq=False)
 class Witness:
@@ -74,14 +64,6 @@ class Verdict:
     def asked(self) -> int:
         """Number of points that were held against a view."""
         return self.agree + self.front + self.behind + self.outside + self.other
-
-    @property
-    def score(self) -> float:
-        """Evidence for the pose in [0, 1): agreement against free space violated."""
-        asked = max(self.asked, 1)
-        if not self.seen:
-            return self.agree / asked
-        return self.agree / (self.agree + VIOLATION * self.front + DOUBT * asked)
 
 
 def evenly(surface: Surface, count: int) -> NDArray[np.intp]:

@@ -29,6 +29,9 @@ evidence win at any distance.
 FALL_UNSEEN = 1.0
 """The same where no sensor's view is known, and evidence is no more than the share that agrees."""
 
+NEAREST_STEPS = 5
+"""Of Gauss and Newton, to the likeliest pose along free motions: enough for a turn of 1 rad."""
+
 
 @dataclass(frozen=True, eq=False)
 class StartPrior:
@@ -57,3 +60,15 @@ class StartPrior:
         shift = float(np.linalg.norm(se3.transform(motion, self.centre) - self.centre))
         far = math.hypot(se3.rotation_angle(motion), shift / self.size)
         return -0.5 * self.fall * math.log1p((far / NEAR) ** 2)
+
+    def nearest(self, pose: Array, free: Array) -> Array:
+        """Move a pose (4, 4) along free motions, unit twists (k, 6), to where it is likeliest."""
+        for _ in range(NEAREST_STEPS):
+            motion = pose @ se3.inverse(self.start)
+            centre = se3.transform(motion, self.centre)
+            away = np.concatenate([se3.log(motion)[:3], (centre - self.centre) / self.size])
+            moves = np.cross(free[:, :3], centre) + free[:, 3:]
+            towards = np.hstack([free[:, :3], moves / self.size])
+            by, *_ = np.linalg.lstsq(towards.T, -away, rcond=None)
+            pose = se3.exp(by @ free) @ pose
+        return pose
