@@ -175,25 +175,25 @@ class Search:
         before = [candidate.pose for candidate in self._candidates]
         rows = distinct(poses, worth, before, 0.03, 0.02 * prior.size)
         found = [Candidate(poses[i], worth[i]) for i in islice(rows, self._plan.finalists)]
-        # The start as it is has a place beside them: it wins where no evidence decides.
+        # The start as it is has a place beside them, whatever a coarse level makes of it.
         return [Candidate(prior.start, self._likelihood(prior.start)), *found] if first else found
 
     def _likelihood(self, pose: Array) -> float:
         return log_odds(self._asked_early(pose)) + self._prior(pose)
 
     def _tried(self, candidates: Sequence[Candidate]) -> list[Judged]:
-        """Run Algorithm 1 from the candidates on few points, and keep their order.
+        """Run Algorithm 1 from the candidates on few points.
 
         The likeliest goes first, and the hopeless are left out once it is known how it fares.
         """
-        ends: dict[int, Judged] = {}
+        ends: list[Judged] = []
         best = -math.inf if self._best is None else self._best.likelihood
-        for i in sorted(range(len(candidates)), key=lambda i: -candidates[i].likelihood):
-            if candidates[i].likelihood < best - HOPELESS:
+        for pose, likelihood in sorted(candidates, key=lambda one: -one.likelihood):
+            if likelihood < best - HOPELESS:
                 break
-            ends[i] = self._judged(self._rough(candidates[i].pose, self._on_iteration, SHORT))
-            best = max(best, ends[i].likelihood)
-        return [ends[i] for i in sorted(ends)]
+            ends.append(self._judged(self._rough(pose, self._on_iteration, SHORT)))
+            best = max(best, ends[-1].likelihood)
+        return ends
 
     def _refined(self) -> Judged:
         """Run the likeliest to the end; the next too while it is likelier than what came out."""
@@ -248,7 +248,7 @@ class Judged(NamedTuple):
 
 
 def likeliest(ends: Sequence[Judged]) -> Judged:
-    """Choose the one for which evidence and start together speak most; the first of equals."""
+    """Choose the one for which evidence and start together speak most."""
     return max(ends, key=lambda end: end.likelihood)
 
 
