@@ -30,7 +30,7 @@ from hmrf_icp.icp import Iteration, Loop, Method, Outcome
 from hmrf_icp.prior import FALL, FALL_UNSEEN, StartPrior
 from hmrf_icp.reject import Rejector
 from hmrf_icp.resolution import Reduced, reduced
-from hmrf_icp.starts import Annealer, Level, distinct, shifted, turned
+from hmrf_icp.starts import Annealer, Level, distinct, near, shifted, turned
 from hmrf_icp.surface import Surface, surface_of
 
 Array = NDArray[np.float64]
@@ -47,7 +47,7 @@ FEWER = 4
 CONVINCED = 0.5
 """Confidence from which no further starts are tried: more likely right than not."""
 
-HOPELESS = 6.0
+HOPELESS = 4.0
 """A candidate whose log-odds are as much worse than the best so far is not tried."""
 
 SLACK = 1.0
@@ -55,6 +55,9 @@ SLACK = 1.0
 
 That it agrees with a little more somewhere else along a wall is no evidence.
 """
+
+SAME_ANGLE, SAME_SHIFT = 0.03, 0.02
+"""Radians and share of the target's size within which two poses lead to the same place."""
 
 SHORT = 8
 """Iterations for a finalist: the right one needs no more, and the others lead nowhere."""
@@ -173,7 +176,7 @@ class Search:
             poses = np.concatenate([self._close.from_each_scale(prior.start), poses])
         worth = np.array([self._likelihood(pose) for pose in poses])
         before = [candidate.pose for candidate in self._candidates]
-        rows = distinct(poses, worth, before, 0.03, 0.02 * prior.size)
+        rows = distinct(poses, worth, before, SAME_ANGLE, SAME_SHIFT * prior.size)
         found = [Candidate(poses[i], worth[i]) for i in islice(rows, self._plan.finalists)]
         # The start as it is has a place beside them, whatever a coarse level makes of it.
         return [Candidate(prior.start, self._likelihood(prior.start)), *found] if first else found
@@ -191,9 +194,15 @@ class Search:
         for pose, likelihood in sorted(candidates, key=lambda one: -one.likelihood):
             if likelihood < best - HOPELESS:
                 break
-            ends.append(self._judged(self._rough(pose, self._on_iteration, SHORT)))
-            best = max(best, ends[-1].likelihood)
+            end = self._judged(self._rough(pose, self._on_iteration, SHORT))
+            best = max(best, end.likelihood)
+            if not any(self._same(end, other) for other in (*self._ends, *ends)):
+                ends.append(end)
         return ends
+
+    def _same(self, one: Judged, other: Judged) -> bool:
+        poses = one.outcome.transformation, other.outcome.transformation
+        return near(*poses, SAME_ANGLE, SAME_SHIFT * self._prior.size)
 
     def _refined(self) -> Judged:
         """Run the likeliest to the end; the next too while it is likelier than what came out."""

@@ -162,12 +162,13 @@ def distinct(
     there = list(others)
     for i in np.argsort(-worth, kind="stable"):
         pose = poses[i]
-        if not any(_near(pose, other, angle, shift) for other in there):
+        if not any(near(pose, other, angle, shift) for other in there):
             there.append(pose)
             yield int(i)
 
 
-def _near(one: Array, other: Array, angle: float, shift: float) -> bool:
+def near(one: Array, other: Array, angle: float, shift: float) -> bool:
+    """Tell whether two poses (4, 4) are within ``angle`` (rad) and ``shift`` (m)."""
     if float(np.linalg.norm(one[:3, 3] - other[:3, 3])) >= shift:
         return False
     return se3.rotation_angle(se3.inverse(other) @ one) < angle
