@@ -211,8 +211,7 @@ class Search:
             if self._best is not None and end.likelihood <= self._best.likelihood:
                 break
             self._ends.remove(end)
-            outcome = self._fine(end.outcome.transformation, self._on_iteration)
-            refined = self._unmoved(self._judged(after(end.outcome, outcome)))
+            refined = self._unmoved(self._continued(end, end.outcome.transformation))
             self._best = refined if self._best is None else likeliest([self._best, refined])
         assert self._best is not None
         return self._best
@@ -220,11 +219,17 @@ class Search:
     def _unmoved(self, end: Judged) -> Judged:
         """Take back what the search did along directions of which nothing is known."""
         last = end.outcome.last
-        if last is None or last.degenerate is None or (last.weakest or 0.0) >= NOISE_ALONE:
+        if last is None or last.degenerate is None or last.weakest is None:
+            return end
+        if last.weakest >= NOISE_ALONE:
             return end
         pose = self._prior.nearest(end.outcome.transformation, last.degenerate)
-        back = self._judged(after(end.outcome, self._fine(pose, self._on_iteration)))
+        back = self._continued(end, pose)
         return back if back.likelihood >= end.likelihood - SLACK else end
+
+    def _continued(self, end: Judged, pose: Array) -> Judged:
+        """Run Algorithm 1 to the end from a pose that an earlier end led to."""
+        return self._judged(after(end.outcome, self._fine(pose, self._on_iteration)))
 
     def _judged(self, outcome: Outcome) -> Judged:
         pose = outcome.transformation

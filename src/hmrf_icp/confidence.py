@@ -16,8 +16,8 @@ CONSTANT, VIEWS, HELD = -2.80, 1.33, 1.16
 """Log-odds: alone, for each e-fold of agreement to free space violated, and for each e-fold of
 what is known of the direction known least, up to :data:`ENOUGH`."""
 
-ENOUGH = 20.0
-"""Times what a direction must have to be followed, from which more of it says no more."""
+NOTHING, ENOUGH = 1e-3, 20.0
+"""Times what a direction must have to be followed, between which it tells how well it is known."""
 
 SLIDES, SLIDING = 1.26, 0.82
 """Log-odds at the most: the first times the second and the logarithm of what is known of that
@@ -61,4 +61,4 @@ def log_odds(verdict: Verdict, weakest: float | None = None) -> float:
 
 
 def _known(weakest: float | None) -> float:
-    return ENOUGH if weakest is None else min(max(weakest, PSEUDO), ENOUGH)
+    return ENOUGH if weakest is None else min(max(weakest, NOTHING), ENOUGH)

@@ -128,11 +128,6 @@ class Outcome:
     confidence: float | None = None
 
     @property
-    def free(self) -> int:
-        """How many directions the matches leave free, as far as the metric looked."""
-        return 0 if self.last is None or self.last.degenerate is None else len(self.last.degenerate)
-
-    @property
     def weakest(self) -> float | None:
         """How well the direction known least is known; see :class:`~hmrf_icp.align.Step`."""
         return None if self.last is None else self.last.weakest
