@@ -30,7 +30,7 @@ def test_a_cloud_has_one_surface_one_tree_and_one_reduction():
 def test_what_is_kept_goes_with_the_cloud():
     source, target = cloud(), cloud(seed=1)
     hmrf_icp.register(source, target)
-    gone = [weakref.ref(source), weakref.ref(target), weakref.ref(reduced(source, 100).cloud)]
+    gone = [weakref.ref(source), weakref.ref(target), weakref.ref(reduced(source, 100))]
     del source, target
     gc.collect()
     assert [reference() for reference in gone] == [None] * 3

@@ -13,7 +13,7 @@ from hmrf_icp.confidence import confidence
 from hmrf_icp.evidence import Judge, evenly
 from hmrf_icp.match import NearestNeighbour
 from hmrf_icp.placed import Placed
-from hmrf_icp.resolution import reduced
+from hmrf_icp.resolution import reduced, standing
 from hmrf_icp.seen import Seen
 from hmrf_icp.surface import surface_of
 from hmrf_icp.view import view_of
@@ -159,11 +159,16 @@ def test_evenly_takes_each_part_of_a_surface_by_its_area():
 
 def test_a_reduced_cloud_stands_for_all_points():
     cloud = frame(0)
-    few = reduced(cloud, 5000)
-    assert len(few.standing) == len(cloud)
-    gap = np.linalg.norm(few.cloud.observed_points[few.standing] - cloud.observed_points, axis=1)
+    few, rows = reduced(cloud, 5000), standing(cloud, 5000)
+    assert len(rows) == len(cloud)
+    gap = np.linalg.norm(few.observed_points[rows] - cloud.observed_points, axis=1)
     assert np.median(gap) < 3 * surface_of(cloud).spacing
-    assert reduced(cloud, 50_000).standing is None
+
+
+def test_a_small_cloud_is_not_reduced():
+    cloud = frame(0)
+    assert reduced(cloud, 50_000) is cloud
+    np.testing.assert_array_equal(standing(cloud, 50_000), np.arange(len(cloud)))
 
 
 def test_a_bare_wall_is_reported_as_free_to_slide():

@@ -64,7 +64,7 @@ class PointCloud:
                 f"points: expected shape (N, 3) or (H, W, 3), got {points.shape}"
                 + ("; make it a cloud with PointCloud.from_depth" if points.ndim == 2 else "")
             )
-        points[~np.isfinite(points).all(axis=-1)] = np.nan
+        points[~each(np.isfinite(points))] = np.nan
         object.__setattr__(self, "points", points)
         if self.camera is not None:
             self._check_camera(self.camera)
@@ -76,7 +76,7 @@ class PointCloud:
             object.__setattr__(self, "viewpoint", viewpoint)
         if self.viewpoint is not None:
             # No sensor sees where it stands: so recorders write beams that did not return.
-            points[(points == self.viewpoint).all(axis=-1)] = np.nan
+            points[each(points == self.viewpoint)] = np.nan
         points.flags.writeable = False
 
     def _check_camera(self, camera: PinholeCamera) -> None:
@@ -164,7 +164,7 @@ class PointCloud:
     @cached_property
     def observed_points(self) -> NDArray[np.float64]:
         """(M, 3): the observed points, in the order of the grid."""
-        return np.ascontiguousarray(self.points[self.observed])
+        return self.points.reshape(-1, 3).take(np.flatnonzero(self.observed), axis=0)
 
     def on_grid(self, values: NDArray[Any], fill: float = np.nan) -> NDArray[Any]:
         """Lay one value an observed point, (M, ...), out in the cloud's shape."""
@@ -188,6 +188,14 @@ class PointCloud:
         kind = "organised" if self.organised else "unorganised"
         size = " x ".join(str(n) for n in self.shape)
         return f"PointCloud({kind}, {size}, {len(self)} observed)"
+
+
+def each(coordinates: NDArray[np.bool_]) -> NDArray[np.bool_]:
+    """Tell for each point whether it holds of all three coordinates, (..., 3).
+
+    ``all(axis=-1)`` says the same in five times the time.
+    """
+    return np.asarray(coordinates[..., 0] & coordinates[..., 1] & coordinates[..., 2])
 
 
 def as_cloud(cloud: Any, name: str = "cloud") -> PointCloud:

@@ -29,7 +29,7 @@ from hmrf_icp.evidence import Judge, Verdict
 from hmrf_icp.icp import Iteration, Loop, Method, Outcome
 from hmrf_icp.prior import FALL, FALL_UNSEEN, StartPrior
 from hmrf_icp.reject import Rejector
-from hmrf_icp.resolution import Reduced, reduced
+from hmrf_icp.resolution import reduced, standing
 from hmrf_icp.starts import Annealer, Level, distinct, near, shifted, turned
 from hmrf_icp.surface import Surface, surface_of
 
@@ -112,9 +112,8 @@ class CoarseToFine:
         # Without free space to contradict them, more candidates are only more mistakes.
         if end.verdict.seen and end.confidence < CONVINCED:
             end = search.among(search.shifts)
-        return replace(
-            spread(end.outcome, search.many), verdict=end.verdict, confidence=end.confidence
-        )
+        outcome = spread(end.outcome, standing(source, self.points))
+        return replace(outcome, verdict=end.verdict, confidence=end.confidence)
 
     def with_parts(
         self,
@@ -137,10 +136,9 @@ class Search:
         init: Array,
         on_iteration: Callable[[Iteration], None] | None,
     ) -> None:
-        self.many = reduced(source, plan.points)
         self._plan = plan
-        self._source, self._target = self.many.cloud, reduced(target, plan.points).cloud
-        few = reduced(self._source, plan.points // FEWER).cloud
+        self._source, self._target = (reduced(cloud, plan.points) for cloud in (source, target))
+        few = reduced(self._source, plan.points // FEWER)
         self._rough = Loop(few, self._target, plan.method)
         self._fine = Loop(self._source, self._target, plan.method)
         self._asked_early = Judge(self._source, self._target, ASKED_EARLY)
@@ -282,15 +280,13 @@ def centre(surface: Surface) -> Array:
     return np.asarray(surface.area @ surface.points / surface.area.sum())
 
 
-def spread(outcome: Outcome, few: Reduced) -> Outcome:
-    """Give every source point the label and the match of the one that stood for it."""
-    if few.standing is None:
-        return outcome
-    labels = replace(outcome.labels, z=outcome.labels.z[few.standing])
+def spread(outcome: Outcome, rows: NDArray[np.intp]) -> Outcome:
+    """Give every source point the label and the match of the one that stands for it."""
+    labels = replace(outcome.labels, z=outcome.labels.z[rows])
     matches = replace(
         outcome.matches,
-        index=outcome.matches.index[few.standing],
-        distance=outcome.matches.distance[few.standing],
+        index=outcome.matches.index[rows],
+        distance=outcome.matches.distance[rows],
         evidence=None,
     )
     return replace(outcome, labels=labels, matches=matches)

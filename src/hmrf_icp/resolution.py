@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import math
-from dataclasses import dataclass
 
 import numpy as np
 from numpy.typing import NDArray
@@ -14,49 +13,45 @@ from hmrf_icp.match import tree_of
 from hmrf_icp.surface import thinned
 
 
-@dataclass(frozen=True, eq=False)
-class Reduced:
-    """A cloud thinned out.
-
-    Attributes
-    ----------
-    cloud
-        What is left.
-    standing
-        (M,) for each observed point of the whole cloud, the row of the point
-        that stands for it among the observed ones left; None where all are left.
-    """
-
-    cloud: PointCloud
-    standing: NDArray[np.intp] | None
-
-
-def reduced(cloud: PointCloud, most: int) -> Reduced:
-    """Thin a cloud out to about ``most`` points.
+def reduced(cloud: PointCloud, most: int) -> PointCloud:
+    """Thin a cloud out to about ``most`` points; the same cloud where it has no more.
 
     An organised cloud keeps every n-th row and column, so that it stays one;
     any other keeps one point of every cell of a grid of cubes, so that what is
     dense is thinned first.
     """
     if cloud.organised:
-        step = math.ceil(math.sqrt(math.prod(cloud.shape) / most))
+        step = _step(cloud, most)
         if step <= 1:
-            return Reduced(cloud, None)
-        return kept.once(cloud, ("reduced", step), lambda: _every(cloud, step))
+            return cloud
+        return kept.once(cloud, ("reduced", step), lambda: cloud.subsample(step))
     if len(cloud) <= most:
-        return Reduced(cloud, None)
+        return cloud
     return kept.once(cloud, ("reduced", most), lambda: _one_a_cell(cloud, most))
 
 
-def _every(cloud: PointCloud, step: int) -> Reduced:
-    few = cloud.subsample(step)
-    return Reduced(few, _standing_in_image(cloud, few, step))
+def standing(cloud: PointCloud, most: int) -> NDArray[np.intp]:
+    """Tell which point of the reduced cloud stands for each observed one of the whole.
+
+    Returns
+    -------
+    (M,) rows of the observed points that ``reduced(cloud, most)`` keeps.
+    """
+    few = reduced(cloud, most)
+    if few is cloud:
+        return np.arange(len(cloud))
+    if cloud.organised:
+        return _standing_in_image(cloud, few, _step(cloud, most))
+    return _standing(cloud.observed_points, few)
 
 
-def _one_a_cell(cloud: PointCloud, most: int) -> Reduced:
+def _step(cloud: PointCloud, most: int) -> int:
+    return math.ceil(math.sqrt(math.prod(cloud.shape) / most))
+
+
+def _one_a_cell(cloud: PointCloud, most: int) -> PointCloud:
     rows = thinned(cloud.observed_points, _edge(cloud.observed_points, most))
-    few = PointCloud(cloud.observed_points[rows], None, cloud.viewpoint)
-    return Reduced(few, _standing(cloud.observed_points, few))
+    return PointCloud(cloud.observed_points[rows], None, cloud.viewpoint)
 
 
 def _edge(points: NDArray[np.float64], most: int) -> float:
@@ -82,7 +77,7 @@ def _standing_in_image(cloud: PointCloud, few: PointCloud, step: int) -> NDArray
     place = np.full(few.shape, -1, dtype=np.intp)
     place[few.observed] = np.arange(len(few))
     height, width = cloud.shape
-    blocks = place[np.ix_(np.arange(height) // step, np.arange(width) // step)]
+    blocks = place.repeat(step, axis=0)[:height].repeat(step, axis=1)[:, :width]
     standing = blocks[cloud.observed]
     lost = standing < 0
     if lost.any():
