@@ -180,3 +180,22 @@ def test_nearest_neighbours_skip_the_holes_of_the_target():
     distance = np.linalg.norm(moved[:, None] - cloud.observed_points[None], axis=2)
     np.testing.assert_array_equal(matches.index, distance.argmin(axis=1))
     np.testing.assert_allclose(matches.distance, distance.min(axis=1), atol=1e-15)
+
+
+@pytest.mark.parametrize("slack", [0.1, 0.5])
+def test_nearest_neighbours_with_slack_are_almost_the_nearest(slack):
+    random = np.random.default_rng(2)
+    cloud, moved = PointCloud(random.normal(size=(500, 3))), random.normal(size=(2000, 3))
+    placed = Placed(moved, np.eye(4))
+    exact = NearestNeighbour().prepare(cloud, cloud)(placed)
+    loose = NearestNeighbour(slack=slack).prepare(cloud, cloud)(placed)
+    apart = np.linalg.norm(moved - cloud.observed_points[loose.index], axis=1)
+    np.testing.assert_allclose(loose.distance, apart, atol=1e-15)
+    assert (loose.distance <= (1 + slack) * exact.distance).all()
+    assert (loose.distance > exact.distance).any()
+
+
+@pytest.mark.parametrize("slack", [-0.1, np.nan, np.inf])
+def test_slack_is_a_share(slack):
+    with pytest.raises(hmrf_icp.InputError, match="slack"):
+        NearestNeighbour(slack=slack)

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 from dataclasses import dataclass
 from typing import TYPE_CHECKING, Protocol
 
@@ -10,6 +11,7 @@ from numpy.typing import NDArray
 
 from hmrf_icp import kept
 from hmrf_icp.cloud import PointCloud
+from hmrf_icp.errors import InputError
 from hmrf_icp.placed import Placed
 
 if TYPE_CHECKING:
@@ -52,14 +54,29 @@ class Matcher(Protocol):
 
 @dataclass(frozen=True)
 class NearestNeighbour:
-    """Exact nearest neighbours from a k-d tree on the target (Algorithm 1, BuildKdTree)."""
+    """Nearest neighbours from a k-d tree on the target (Algorithm 1, BuildKdTree).
+
+    Parameters
+    ----------
+    slack
+        A match may be farther than the closest point by this share of its distance;
+        0 is exact. A point far from everything has many target points at nearly the
+        same distance, and telling which is the closest takes most of the time.
+    """
+
+    slack: float = 0.0
+
+    def __post_init__(self) -> None:
+        """Check the slack."""
+        if not 0.0 <= self.slack < math.inf:
+            raise InputError(f"slack: expected a share of 0 or more, got {self.slack}")
 
     def prepare(self, source: PointCloud, target: PointCloud) -> Match:
         """Build the tree of the target's observed points."""
-        tree = tree_of(target)
+        tree, slack = tree_of(target), self.slack
 
         def match(source: Placed) -> Matches:
-            distance, index = tree.query(np.ascontiguousarray(source.points))
+            distance, index = tree.query(np.ascontiguousarray(source.points), eps=slack)
             return Matches(index.astype(np.intp), distance)
 
         return match

@@ -23,7 +23,7 @@ PAPER = Method(NearestNeighbour(), HiddenMarkovRandomField(), PointToPoint(), Cr
 
 ROBUST = CoarseToFine(
     Method(
-        Seen(),
+        Seen(NearestNeighbour(slack=0.1)),
         MarkovField(beta=0.5, share=0.5, first_steps=20, steps=5),
         Symmetric(),
         RelativeCriteria(),
