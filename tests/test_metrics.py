@@ -11,7 +11,7 @@ import hmrf_icp
 import shapes
 import synthetic
 from hmrf_icp import Criteria, InputError, PointCloud, presets, se3
-from hmrf_icp.kernels import metrics as kernels
+from hmrf_icp.kernels.normal_equations import COST, GRADIENT
 from hmrf_icp.match import Matches, NearestNeighbour
 from hmrf_icp.metrics import Pairing, PlaneToPlane, PointToPlane, Symmetric, extent, matrix
 from hmrf_icp.placed import Placed
@@ -104,10 +104,8 @@ def check(sums, rows, residual, weight):
         full[i * size : (i + 1) * size, i * size : (i + 1) * size] = block
     hessian, gradient = rows.T @ full @ rows, rows.T @ full @ residual
     np.testing.assert_allclose(matrix(sums), hessian, rtol=1e-6, atol=1e-6 * hessian.max())
-    np.testing.assert_allclose(
-        sums[kernels.GRADIENT : kernels.COST], gradient, atol=1e-6 * np.abs(gradient).max()
-    )
-    assert sums[kernels.COST] == pytest.approx(residual @ full @ residual)
+    np.testing.assert_allclose(sums[GRADIENT:COST], gradient, atol=1e-6 * np.abs(gradient).max())
+    assert sums[COST] == pytest.approx(residual @ full @ residual)
 
 
 def test_point_to_plane_has_the_derivatives_of_its_residual(crossed):

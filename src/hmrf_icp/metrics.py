@@ -122,7 +122,8 @@ class SurfaceMetric:
         raise NotImplementedError
 
     def _step(self, m: Matched) -> Step | None:
-        from hmrf_icp.kernels import metrics as kernels
+        from hmrf_icp.kernels.geometry import geometry
+        from hmrf_icp.kernels.normal_equations import COST, GRADIENT
 
         if np.count_nonzero(m.weight) < UNKNOWNS:
             return None
@@ -132,7 +133,7 @@ class SurfaceMetric:
         # Rotation in units of the scene: both halves of a twist move the points about equally far.
         units = np.array([1 / length] * 3 + [1.0] * 3)
         both = np.outer(units, units)
-        truth, noise = kernels.geometry(*m[:6], m.apart, centre)
+        truth, noise = geometry(*m[:6], m.apart, centre)
         information = matrix(truth) * both
         free, bound, weakest = split(information, matrix(noise) * both)
         if bound.shape[1] == 0:
@@ -142,7 +143,7 @@ class SurfaceMetric:
         for _ in range(INNER_STEPS):
             found = self.sums(m, motion, centre)
             hessian = bound.T @ (matrix(found) * both) @ bound
-            gradient = bound.T @ (found[kernels.GRADIENT : kernels.COST] * units)
+            gradient = bound.T @ (found[GRADIENT:COST] * units)
             step = bound @ np.linalg.solve(hessian, -gradient)
             # Two motions of a subspace may lead out of it together: what they share is kept.
             whole = se3.log(se3.exp(step * units) @ motion) / units
@@ -153,7 +154,7 @@ class SurfaceMetric:
         known = bound @ (bound.T @ information @ bound) @ bound.T / both
         return Step(
             se3.rigid(np.eye(3), centre) @ motion @ se3.rigid(np.eye(3), -centre),
-            about_origin(known, centre) / excess(truth[kernels.COST], m.chance),
+            about_origin(known, centre) / excess(truth[COST], m.chance),
             unit_twists(free, length, centre),
             weakest,
         )
