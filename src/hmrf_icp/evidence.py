@@ -69,15 +69,15 @@ class Verdict:
 def evenly(surface: Surface, count: int) -> NDArray[np.intp]:
     """Rows of about ``count`` points with normals that each stand for the same area.
 
-    Every time the area summed along the cloud passes another share, the point
-    is taken: no chance is involved, and near surfaces count no more than far ones.
+    Every time the area summed along the cloud passes the middle of another share, the
+    point is taken: no chance is involved, and near surfaces count no more than far ones.
     """
     rows = np.flatnonzero((surface.normals != 0.0).any(axis=1))
     if len(rows) <= count:
         return rows
     # A few points that stand for far more than their share would be taken once only.
     area = np.minimum(surface.area[rows], 20.0 * np.median(surface.area[rows]))
-    passed = np.floor(np.cumsum(area) * (count / area.sum()))
+    passed = np.floor(np.cumsum(area) * (count / area.sum()) + 0.5)
     return np.asarray(rows[np.diff(passed, prepend=0.0) > 0])
 
 

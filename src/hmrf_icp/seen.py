@@ -30,10 +30,15 @@ class Seen:
         Evidence for a counterpart of a point that agrees with the view, is in
         front of it, behind it, outside of it, or on a surface that faces
         another way (natural logarithm of odds).
+    tolerance
+        Times the view's own tolerance, four deviations of the noise, by which a point
+        may be off what was seen. A real sensor bends a whole map by more than its
+        noise; points lost to that on one side pull the pose to the other.
     """
 
     match: Matcher = field(default_factory=NearestNeighbour)
     log_odds: tuple[float, float, float, float, float] = (0.0, -8.0, -6.0, -6.0, -4.0)
+    tolerance: float = 2.0
 
     def prepare(self, source: PointCloud, target: PointCloud) -> Match:
         """Look up what the target's sensor saw."""
@@ -41,6 +46,7 @@ class Seen:
         view = view_of(target)
         if view is None:
             return match
+        view = replace(view, tolerance=self.tolerance * view.tolerance)
         surface = surface_of(source)
         log_odds = np.array(self.log_odds)
 

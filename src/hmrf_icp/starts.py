@@ -71,9 +71,11 @@ class Onto:
         points = surface.points[rows]
         low, high = points.min(axis=0), points.max(axis=0)
         edge = float((high - low).max()) / level.cells
-        corner = low - level.margin * edge
-        shape = np.ceil((high - low) / edge + 2 * level.margin).astype(np.int64)
-        cells = table.build(points, corner, edge, tuple(int(n) for n in np.maximum(shape, 1)))
+        # The outermost points stand in the middle of their cells: on an edge between two,
+        # rounding would say which is theirs, and in other units another one.
+        corner = low - (level.margin + 0.5) * edge
+        shape = np.floor((high - low) / edge + 2 * level.margin + 1.5).astype(np.int64)
+        cells = table.build(points, corner, edge, tuple(int(n) for n in shape))
         return cls(points, surface.normals[rows], cells, corner, edge)
 
 
