@@ -10,7 +10,7 @@ from hmrf_icp.cloud import PointCloud
 from hmrf_icp.match import Match, Matcher, Matches, NearestNeighbour
 from hmrf_icp.placed import Placed
 from hmrf_icp.surface import surface_of
-from hmrf_icp.view import view_of
+from hmrf_icp.view import BAND, view_of
 
 
 @dataclass(frozen=True)
@@ -30,15 +30,15 @@ class Seen:
         Evidence for a counterpart of a point that agrees with the view, is in
         front of it, behind it, outside of it, or on a surface that faces
         another way (natural logarithm of odds).
-    tolerance
-        Times the view's own tolerance, four deviations of the noise, by which a point
-        may be off what was seen. A real sensor bends a whole map by more than its
-        noise; points lost to that on one side pull the pose to the other.
+    band
+        Deviations of the noise by which a point may be off what was seen; the view
+        itself has 4. A real sensor bends a whole map by more than its noise; points
+        lost to that on one side pull the pose to the other.
     """
 
     match: Matcher = field(default_factory=NearestNeighbour)
     log_odds: tuple[float, float, float, float, float] = (0.0, -8.0, -6.0, -6.0, -4.0)
-    tolerance: float = 2.0
+    band: float = 8.0
 
     def prepare(self, source: PointCloud, target: PointCloud) -> Match:
         """Look up what the target's sensor saw."""
@@ -46,7 +46,7 @@ class Seen:
         view = view_of(target)
         if view is None:
             return match
-        view = replace(view, tolerance=self.tolerance * view.tolerance)
+        view = view.wider((self.band - BAND) * surface_of(target).noise)
         surface = surface_of(source)
         log_odds = np.array(self.log_odds)
 

@@ -8,7 +8,7 @@ same through a range image about the sensor's place.
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import numpy as np
 from numpy.typing import NDArray
@@ -52,6 +52,10 @@ class View:
     row: NDArray[np.int32]
     tolerance: Array
     facing: Array
+
+    def wider(self, by: Array) -> View:
+        """Return the same with a tolerance wider by (M,) metres, one entry a point seen."""
+        return replace(self, tolerance=self.tolerance + np.where(self.row < 0, 0.0, by[self.row]))
 
     def ask(self, points: Array, normals: Array, pose: Array) -> NDArray[np.uint8]:
         """Ask what the sensor saw of points (M, 3) that ``pose`` (4, 4) moves into its frame.
