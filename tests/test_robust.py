@@ -148,6 +148,20 @@ def test_evidence_speaks_against_what_the_target_could_not_see():
     assert (matches.evidence[outside] < 0).mean() > 0.95
 
 
+def test_a_label_forgives_what_a_bent_depth_map_is_off_by():
+    noise = 0.003
+    wall = 2.0 + np.random.default_rng(0).normal(0.0, noise, (120, 160))
+    target = hmrf_icp.PointCloud.from_depth(wall, CAMERA)
+    source = hmrf_icp.PointCloud.from_depth(wall - 8.0 * noise, CAMERA)
+    placed = Placed.at(np.eye(4), source.observed_points)
+    against = {
+        band: (Seen(band=band).prepare(source, target)(placed).evidence < -4.0).mean()
+        for band in (4.0, 8.0)
+    }
+    assert against[4.0] > 0.7
+    assert against[8.0] < 0.1
+
+
 def test_evenly_takes_each_part_of_a_surface_by_its_area():
     surface = surface_of(frame(0))
     rows = evenly(surface, 1000)
