@@ -19,11 +19,12 @@ MIDDLING = protocol.Start(math.pi / 10)
 FAR = protocol.Start(math.pi / 6, 0.3)
 
 
-def views(sequence, target, source, step=4):
-    """Two depth maps of a sequence and the pose that takes the second onto the first."""
+def views(folder, target, source):
+    """Source and target of a sequence, and the pose that takes the first onto the second."""
+    sequence = datasets.open_sequence(folder)
     fixed, free = sequence.frame(target), sequence.frame(source)
     truth = protocol.true_transformation(free.pose, fixed.pose)
-    return free.load().subsample(step), fixed.load().subsample(step), truth
+    return free.load().subsample(4), fixed.load().subsample(4), truth
 
 
 def error_from(start, source, target, truth, axis=0):
@@ -36,7 +37,7 @@ def error_from(start, source, target, truth, axis=0):
 @pytest.mark.parametrize(("target", "source"), [(190, 380), (310, 160)])
 @pytest.mark.parametrize("start", [NEAR, MIDDLING])
 def test_a_tenth_of_overlap_is_enough_in_a_kitchen(shared, target, source, start):
-    pair = views(datasets.open_sequence(shared / "data" / "kitchen-exact"), target, source)
+    pair = views(shared / "data" / "kitchen-exact", target, source)
     assert protocol.overlap(*pair) < 0.15
     _, (metres, radians) = error_from(start, *pair)
     assert metres < 0.05
@@ -46,7 +47,7 @@ def test_a_tenth_of_overlap_is_enough_in_a_kitchen(shared, target, source, start
 @pytest.mark.parametrize(("target", "source"), [(0, 18), (12, 39), (27, 14)])
 @pytest.mark.parametrize("axis", [0, 1])
 def test_a_third_of_overlap_is_enough_on_a_table_from_far(shared, target, source, axis):
-    pair = views(datasets.open_sequence(shared / "data" / "tabletop-exact"), target, source)
+    pair = views(shared / "data" / "tabletop-exact", target, source)
     assert protocol.overlap(*pair) < 0.4
     result, (metres, radians) = error_from(FAR, *pair, axis=axis)
     assert metres < 0.01
@@ -56,7 +57,7 @@ def test_a_third_of_overlap_is_enough_on_a_table_from_far(shared, target, source
 
 @pytest.mark.parametrize(("target", "source"), [(60, 210), (310, 380), (310, 440)])
 def test_half_the_overlap_is_enough_for_a_real_camera_from_far(shared, target, source):
-    pair = views(datasets.open_sequence(shared / "data" / "kitchen-real"), target, source)
+    pair = views(shared / "data" / "kitchen-real", target, source)
     assert protocol.overlap(*pair) < 0.55
     result, (metres, radians) = error_from(FAR, *pair)
     assert metres < 0.075  # the poses are a tracker's, good to about 3 cm
@@ -66,7 +67,7 @@ def test_half_the_overlap_is_enough_for_a_real_camera_from_far(shared, target, s
 
 @pytest.mark.parametrize(("target", "source"), [(60, 410), (80, 400), (60, 440)])
 def test_views_that_share_nothing_are_told_apart(shared, target, source):
-    pair = views(datasets.open_sequence(shared / "data" / "kitchen-exact"), target, source)
+    pair = views(shared / "data" / "kitchen-exact", target, source)
     assert protocol.overlap(*pair) < 0.01
     result, _ = error_from(MIDDLING, *pair)
     assert result.confidence < 0.5

@@ -78,8 +78,8 @@ def _standing_in_image(cloud: PointCloud, few: PointCloud, step: int) -> NDArray
     place[few.observed] = np.arange(len(few))
     height, width = cloud.shape
     blocks = place.repeat(step, axis=0)[:height].repeat(step, axis=1)[:, :width]
-    standing = blocks[cloud.observed]
-    lost = standing < 0
+    rows = blocks[cloud.observed]
+    lost = rows < 0
     if lost.any():
-        standing[lost] = _standing(cloud.observed_points[lost], few)
-    return standing
+        rows[lost] = _standing(cloud.observed_points[lost], few)
+    return rows

@@ -44,9 +44,7 @@ class VelodyneScan:
             )
         with reading(file, "a Velodyne scan"):
             table = np.fromfile(file, dtype="<f4").reshape(-1, 4)
-        points = table[:, :3].astype(np.float64)
-        points[(points == 0.0).all(axis=1)] = np.nan
-        return PointCloud(points, viewpoint=np.zeros(3))
+        return PointCloud(table[:, :3], viewpoint=np.zeros(3))
 
 
 def open_kitti(folder: Path) -> Sequence:
