@@ -11,9 +11,9 @@ import time
 import numpy as np
 
 from depth_pairs import machine, vga_pair
-from hmrf_icp.field import Grid, initial_labels
-from hmrf_icp.match import NearestNeighbour
-from hmrf_icp.placed import Placed
+from hmrf_icp.field.paper import Grid, initial_labels
+from hmrf_icp.loop.match import NearestNeighbour
+from hmrf_icp.loop.placed import Placed
 
 
 def distances(source, target, init):

@@ -24,13 +24,14 @@ import numpy as np
 from pykdtree.kdtree import KDTree
 
 from depth_pairs import machine
-from hmrf_icp import datasets, io, mixture, se3
-from hmrf_icp.beta import Prior, most_likely
-from hmrf_icp.cloud import PointCloud
+from hmrf_icp import datasets, io, se3
+from hmrf_icp.clouds.cloud import PointCloud
 from hmrf_icp.evaluate import protocol
-from hmrf_icp.graph import Neighbours
-from hmrf_icp.markov_field import MarkovField, neighbours_of, spacing
-from hmrf_icp.match import Matches
+from hmrf_icp.field import mixture
+from hmrf_icp.field.beta import Prior, most_likely
+from hmrf_icp.field.general import MarkovField, neighbours_of, spacing
+from hmrf_icp.field.graph import Neighbours
+from hmrf_icp.loop.match import Matches
 
 SHARED = Path(__file__).resolve().parents[2] / "shared" / "data"
 STEP = 4

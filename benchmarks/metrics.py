@@ -21,8 +21,8 @@ import numpy as np
 import hmrf_icp
 from depth_pairs import KITCHEN, machine
 from hmrf_icp import Criteria, datasets, presets, se3
+from hmrf_icp.clouds.surface import surface_of
 from hmrf_icp.evaluate import protocol
-from hmrf_icp.surface import surface_of
 
 CRITERIA = Criteria(1e-4, 1e-4, 50)
 

@@ -16,8 +16,9 @@ from pathlib import Path
 import numpy as np
 from PIL import Image
 
-from hmrf_icp import PinholeCamera, render, scenes, se3
-from hmrf_icp.primitives import Box, Frustum, Primitive, Rectangle, Sphere
+from hmrf_icp import PinholeCamera, se3
+from hmrf_icp.synthetic import render, scenes
+from hmrf_icp.synthetic.primitives import Box, Frustum, Primitive, Rectangle, Sphere
 
 CAMERA = PinholeCamera(width=160, height=120, fx=146.25, fy=146.25, cx=79.5, cy=59.5)
 

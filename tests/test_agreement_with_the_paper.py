@@ -11,8 +11,8 @@ import hmrf_icp
 import paper_reference as paper
 import synthetic
 from hmrf_icp import presets, se3
-from hmrf_icp.field import Grid, HiddenMarkovRandomField, initial_labels
-from hmrf_icp.reject import mean_spacing
+from hmrf_icp.field.paper import Grid, HiddenMarkovRandomField, initial_labels
+from hmrf_icp.loop.reject import mean_spacing
 
 SINGLE_BOUND = 5e-5
 """Largest difference of z between single and double precision on the grids below, as asserted.

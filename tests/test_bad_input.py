@@ -12,7 +12,7 @@ import pytest
 import hmrf_icp
 import synthetic
 from hmrf_icp import Criteria, InputError, PinholeCamera, PointCloud, RegistrationWarning, presets
-from hmrf_icp.reject import Labels
+from hmrf_icp.loop.reject import Labels
 
 register = partial(hmrf_icp.register, preset="paper")
 """These are statements about the paper's method and its parts."""

@@ -9,9 +9,9 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
-from hmrf_icp.beta import LARGEST, Prior, Schedule, most_likely, pseudo_likelihood
 from hmrf_icp.errors import InputError
-from hmrf_icp.graph import PixelGrid
+from hmrf_icp.field.beta import LARGEST, Prior, Schedule, most_likely, pseudo_likelihood
+from hmrf_icp.field.graph import PixelGrid
 
 
 def gibbs_sample(beta, log_odds, height, width, rng, sweeps=120):

@@ -9,7 +9,7 @@ import numpy as np
 import pytest
 
 from hmrf_icp import PinholeCamera, PointCloud
-from hmrf_icp.cloud import as_cloud
+from hmrf_icp.clouds.cloud import as_cloud
 
 CAMERA = PinholeCamera(width=6, height=4, fx=5.0, fy=4.0, cx=2.0, cy=1.0)
 

@@ -10,12 +10,12 @@ import pytest
 import hmrf_icp
 import shapes
 from hmrf_icp import Criteria, FreeMotion, PointCloud, se3
-from hmrf_icp.degeneracy import split, unit_twists
-from hmrf_icp.match import NearestNeighbour
-from hmrf_icp.metrics import Pairing, PlaneToPlane, PointToPlane, Symmetric, extent
-from hmrf_icp.placed import Placed
-from hmrf_icp.reject import Labels
-from hmrf_icp.surface import surface_of
+from hmrf_icp.clouds.surface import surface_of
+from hmrf_icp.loop.degeneracy import split, unit_twists
+from hmrf_icp.loop.match import NearestNeighbour
+from hmrf_icp.loop.placed import Placed
+from hmrf_icp.loop.reject import Labels
+from hmrf_icp.loop.surface_metrics import Pairing, PlaneToPlane, PointToPlane, Symmetric, extent
 
 METRICS = ("point-to-plane", "symmetric", "plane-to-plane")
 

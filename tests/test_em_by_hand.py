@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 
 from hmrf_icp.errors import InputError
-from hmrf_icp.field import Grid, HiddenMarkovRandomField, initial_labels, m_step
+from hmrf_icp.field.paper import Grid, HiddenMarkovRandomField, initial_labels, m_step
 
 NAN = np.nan
 

@@ -9,7 +9,7 @@ from hypothesis import strategies as st
 from scipy import sparse
 
 from hmrf_icp.errors import InputError
-from hmrf_icp.graph import (
+from hmrf_icp.field.graph import (
     FULL_ROW,
     NeighbourGraph,
     PixelGrid,

@@ -9,9 +9,9 @@ import pytest
 
 import hmrf_icp
 from hmrf_icp import PointCloud, RelativeCriteria, kept
-from hmrf_icp.match import tree_of
-from hmrf_icp.resolution import reduced
-from hmrf_icp.surface import surface_of
+from hmrf_icp.clouds.downsample import reduced
+from hmrf_icp.clouds.surface import surface_of
+from hmrf_icp.loop.match import tree_of
 
 
 def cloud(count=500, seed=0):

@@ -12,13 +12,13 @@ from hypothesis import strategies as st
 import hmrf_icp
 import synthetic
 from hmrf_icp import Criteria, PointCloud, presets, se3
-from hmrf_icp.beta import Schedule
 from hmrf_icp.errors import InputError
-from hmrf_icp.field import HiddenMarkovRandomField
-from hmrf_icp.graph import PixelGrid, grid_graph
-from hmrf_icp.markov_field import MarkovField, neighbours_of, spacing
-from hmrf_icp.match import Matches
-from hmrf_icp.residuals import Gaussian
+from hmrf_icp.field.beta import Schedule
+from hmrf_icp.field.general import MarkovField, neighbours_of, spacing
+from hmrf_icp.field.graph import PixelGrid, grid_graph
+from hmrf_icp.field.paper import HiddenMarkovRandomField
+from hmrf_icp.field.residuals import Gaussian
+from hmrf_icp.loop.match import Matches
 
 SEED = st.integers(0, 1000)
 # Point-to-point creeps along a smooth surface: the paper's threshold on a step stops it early.

@@ -8,8 +8,8 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 
 from hmrf_icp.errors import InputError
-from hmrf_icp.graph import NeighbourGraph, PixelGrid, grid_graph, nearest_graph
-from hmrf_icp.mean_field import mean_field
+from hmrf_icp.field.graph import NeighbourGraph, PixelGrid, grid_graph, nearest_graph
+from hmrf_icp.field.mean_field import mean_field
 
 SEED = st.integers(0, 1000)
 SIZE = st.integers(1, 14)

@@ -11,12 +11,19 @@ import hmrf_icp
 import shapes
 import synthetic
 from hmrf_icp import Criteria, InputError, PointCloud, presets, se3
+from hmrf_icp.clouds.surface import Surface, surface_of
 from hmrf_icp.kernels.normal_equations import COST, GRADIENT
-from hmrf_icp.match import Matches, NearestNeighbour
-from hmrf_icp.metrics import Pairing, PlaneToPlane, PointToPlane, Symmetric, extent, matrix
-from hmrf_icp.placed import Placed
-from hmrf_icp.reject import Labels
-from hmrf_icp.surface import Surface, surface_of
+from hmrf_icp.loop.match import Matches, NearestNeighbour
+from hmrf_icp.loop.placed import Placed
+from hmrf_icp.loop.reject import Labels
+from hmrf_icp.loop.surface_metrics import (
+    Pairing,
+    PlaneToPlane,
+    PointToPlane,
+    Symmetric,
+    extent,
+    matrix,
+)
 
 register = partial(hmrf_icp.register, preset="paper")
 """These are statements about the paper's method and its parts."""

@@ -7,9 +7,9 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
-from hmrf_icp import mixture, residuals
 from hmrf_icp.errors import InputError
-from hmrf_icp.residuals import HalfNormal, Uniform
+from hmrf_icp.field import mixture, residuals
+from hmrf_icp.field.residuals import HalfNormal, Uniform
 
 DISTANCES = st.lists(st.floats(0, 100), min_size=1, max_size=40).map(np.array)
 

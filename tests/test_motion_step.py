@@ -9,11 +9,11 @@ from hypothesis import strategies as st
 
 import paper_reference as paper
 from hmrf_icp import se3
-from hmrf_icp.align import PointToPoint, best_motion
-from hmrf_icp.cloud import PointCloud
-from hmrf_icp.match import Matches
-from hmrf_icp.placed import Placed
-from hmrf_icp.reject import Labels
+from hmrf_icp.clouds.cloud import PointCloud
+from hmrf_icp.loop.align import PointToPoint, best_motion
+from hmrf_icp.loop.match import Matches
+from hmrf_icp.loop.placed import Placed
+from hmrf_icp.loop.reject import Labels
 
 SEEDS = st.integers(0, 2**32 - 1)
 

@@ -12,10 +12,10 @@ from scipy.spatial import cKDTree
 import hmrf_icp
 import synthetic
 from hmrf_icp import PointCloud, presets, se3
-from hmrf_icp.align import Step
-from hmrf_icp.match import Matches, NearestNeighbour
-from hmrf_icp.placed import Placed
-from hmrf_icp.reject import X84, Dynamic, KeepAll, KeepPercent, KeepSigma, Labels, first_valley
+from hmrf_icp.loop.align import Step
+from hmrf_icp.loop.match import Matches, NearestNeighbour
+from hmrf_icp.loop.placed import Placed
+from hmrf_icp.loop.reject import X84, Dynamic, KeepAll, KeepPercent, KeepSigma, Labels, first_valley
 
 register = partial(hmrf_icp.register, preset="paper")
 """These are statements about the paper's method and its parts."""

@@ -8,7 +8,7 @@ from hypothesis import strategies as st
 import hmrf_icp
 import shapes
 from hmrf_icp import se3
-from hmrf_icp.prior import StartPrior
+from hmrf_icp.search.start_prior import StartPrior
 
 CENTRE = np.array([0.3, -0.2, 2.0])
 HERE = StartPrior(np.eye(4), CENTRE, 1.5)

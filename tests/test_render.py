@@ -4,12 +4,12 @@ import numpy as np
 import pytest
 
 from hmrf_icp import se3
-from hmrf_icp.camera import PinholeCamera
-from hmrf_icp.cloud import PointCloud
+from hmrf_icp.clouds.camera import PinholeCamera
+from hmrf_icp.clouds.cloud import PointCloud
 from hmrf_icp.errors import InputError
-from hmrf_icp.primitives import Box, Frustum, Rectangle, Sphere, Torus
-from hmrf_icp.render import StructuredLight, render, render_lidar, sensor_noise
-from hmrf_icp.scenes import CAMERA, Scene, desk, look_at, trajectory
+from hmrf_icp.synthetic.primitives import Box, Frustum, Rectangle, Sphere, Torus
+from hmrf_icp.synthetic.render import StructuredLight, render, render_lidar, sensor_noise
+from hmrf_icp.synthetic.scenes import CAMERA, Scene, desk, look_at, trajectory
 
 SMALL = CAMERA.subsampled(8)
 ORIGIN = np.eye(4)

@@ -5,9 +5,9 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
-from hmrf_icp import mixture
 from hmrf_icp.errors import InputError
-from hmrf_icp.residual_figure import residual_figure
+from hmrf_icp.field import mixture
+from hmrf_icp.figures.residuals import residual_figure
 
 
 def test_the_figure_shows_what_was_fitted(tmp_path):

@@ -10,9 +10,9 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 from scipy import integrate, stats
 
-from hmrf_icp import residuals
 from hmrf_icp.errors import InputError
-from hmrf_icp.residuals import (
+from hmrf_icp.field import residuals
+from hmrf_icp.field.residuals import (
     Exponential,
     Gamma,
     Gaussian,

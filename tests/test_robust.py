@@ -8,15 +8,16 @@ import pytest
 
 import hmrf_icp
 import shapes
-from hmrf_icp import presets, render, scenes, se3
-from hmrf_icp.confidence import confidence
-from hmrf_icp.evidence import Judge, evenly
-from hmrf_icp.match import NearestNeighbour
-from hmrf_icp.placed import Placed
-from hmrf_icp.resolution import reduced, standing
-from hmrf_icp.seen import Seen
-from hmrf_icp.surface import surface_of
-from hmrf_icp.view import view_of
+from hmrf_icp import presets, se3
+from hmrf_icp.clouds.downsample import reduced, standing
+from hmrf_icp.clouds.range_image import view_of
+from hmrf_icp.clouds.surface import surface_of
+from hmrf_icp.loop.match import NearestNeighbour
+from hmrf_icp.loop.placed import Placed
+from hmrf_icp.search.confidence import confidence
+from hmrf_icp.search.visibility import Judge, evenly
+from hmrf_icp.search.visible_match import Seen
+from hmrf_icp.synthetic import render, scenes
 
 CAMERA = hmrf_icp.PinholeCamera(width=160, height=120, fx=146.25, fy=146.25, cx=79.75, cy=59.75)
 POSES = scenes.trajectory("desk", 60)

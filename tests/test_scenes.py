@@ -6,11 +6,11 @@ import numpy as np
 import pytest
 
 from hmrf_icp import se3
-from hmrf_icp.cloud import PointCloud
+from hmrf_icp.clouds.cloud import PointCloud
 from hmrf_icp.errors import InputError
 from hmrf_icp.evaluate.protocol import overlap, true_transformation
-from hmrf_icp.render import render, sensor_noise
-from hmrf_icp.scenes import CAMERA, SCENES, look_at, trajectory
+from hmrf_icp.synthetic.render import render, sensor_noise
+from hmrf_icp.synthetic.scenes import CAMERA, SCENES, look_at, trajectory
 
 SMALL = CAMERA.subsampled(8)
 

@@ -13,7 +13,7 @@ from collections.abc import Callable, Hashable
 from typing import TYPE_CHECKING, Any, TypeVar, cast
 
 if TYPE_CHECKING:
-    from hmrf_icp.cloud import PointCloud
+    from hmrf_icp.clouds.cloud import PointCloud
 
 T = TypeVar("T")
 

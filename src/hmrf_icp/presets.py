@@ -4,17 +4,17 @@ from __future__ import annotations
 
 from collections.abc import Callable
 
-from hmrf_icp.align import Aligner, PointToPoint
-from hmrf_icp.coarse_to_fine import CoarseToFine
-from hmrf_icp.criteria import Criteria, RelativeCriteria
 from hmrf_icp.errors import InputError
-from hmrf_icp.field import HiddenMarkovRandomField
-from hmrf_icp.icp import Method, Registrar
-from hmrf_icp.markov_field import MarkovField
-from hmrf_icp.match import NearestNeighbour
-from hmrf_icp.metrics import PlaneToPlane, PointToPlane, Symmetric
-from hmrf_icp.reject import X84, Dynamic, KeepAll, KeepPercent, KeepSigma, Rejector
-from hmrf_icp.seen import Seen
+from hmrf_icp.field.general import MarkovField
+from hmrf_icp.field.paper import HiddenMarkovRandomField
+from hmrf_icp.loop.align import Aligner, PointToPoint
+from hmrf_icp.loop.criteria import Criteria, RelativeCriteria
+from hmrf_icp.loop.icp import Method, Registrar
+from hmrf_icp.loop.match import NearestNeighbour
+from hmrf_icp.loop.reject import X84, Dynamic, KeepAll, KeepPercent, KeepSigma, Rejector
+from hmrf_icp.loop.surface_metrics import PlaneToPlane, PointToPlane, Symmetric
+from hmrf_icp.search.coarse_to_fine import CoarseToFine
+from hmrf_icp.search.visible_match import Seen
 
 DEFAULT = "robust"
 

@@ -11,13 +11,13 @@ import numpy as np
 from numpy.typing import ArrayLike
 
 from hmrf_icp import presets, se3
-from hmrf_icp.align import Aligner
-from hmrf_icp.cloud import PointCloud, as_cloud, require_registrable, some_of
-from hmrf_icp.criteria import StoppingRule
-from hmrf_icp.degeneracy import FreeMotion
+from hmrf_icp.clouds.cloud import PointCloud, as_cloud, require_registrable, some_of
 from hmrf_icp.errors import InputError, RegistrationWarning
-from hmrf_icp.icp import Iteration, Outcome, Registrar, rms
-from hmrf_icp.reject import Rejector
+from hmrf_icp.loop.align import Aligner
+from hmrf_icp.loop.criteria import StoppingRule
+from hmrf_icp.loop.degeneracy import FreeMotion
+from hmrf_icp.loop.icp import Iteration, Outcome, Registrar, rms
+from hmrf_icp.loop.reject import Rejector
 from hmrf_icp.result import RegistrationResult
 
 UNIT_MIX_UP = 100.0

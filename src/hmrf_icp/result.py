@@ -7,9 +7,9 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
-from hmrf_icp.degeneracy import FreeMotion
-from hmrf_icp.evidence import Verdict
-from hmrf_icp.icp import Iteration
+from hmrf_icp.loop.degeneracy import FreeMotion
+from hmrf_icp.loop.icp import Iteration
+from hmrf_icp.search.visibility import Verdict
 
 
 @dataclass(frozen=True, eq=False)

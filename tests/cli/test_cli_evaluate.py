@@ -9,10 +9,10 @@ import pytest
 from PIL import Image
 from typer.testing import CliRunner
 
-from hmrf_icp.camera import PinholeCamera
 from hmrf_icp.cli import app
-from hmrf_icp.render import render
-from hmrf_icp.scenes import look_at, tabletop
+from hmrf_icp.clouds.camera import PinholeCamera
+from hmrf_icp.synthetic.render import render
+from hmrf_icp.synthetic.scenes import look_at, tabletop
 
 pytest.importorskip("joblib")
 

@@ -460,7 +460,7 @@ def drawing(monkeypatch):
 
     def set_up(draw):
         monkeypatch.setitem(
-            sys.modules, "hmrf_icp.figures", SimpleNamespace(registration_figure=draw)
+            sys.modules, "hmrf_icp.figures.registration", SimpleNamespace(registration_figure=draw)
         )
 
     return set_up

@@ -11,10 +11,10 @@ import numpy as np
 from PIL import Image
 from scipy.spatial.transform import Rotation
 
-from hmrf_icp.camera import PinholeCamera
-from hmrf_icp.render import render, render_lidar
-from hmrf_icp.scenes import look_at, tabletop
+from hmrf_icp.clouds.camera import PinholeCamera
 from hmrf_icp.se3 import inverse, rigid, rotation_exp, transform
+from hmrf_icp.synthetic.render import render, render_lidar
+from hmrf_icp.synthetic.scenes import look_at, tabletop
 
 CAMERA = PinholeCamera(160, 120, 146.0, 147.0, 79.5, 60.5)
 START = 1305031453.374112

@@ -22,7 +22,7 @@ from dataset_writers import (
 )
 from scipy.spatial.transform import Rotation
 
-from hmrf_icp.camera import PinholeCamera
+from hmrf_icp.clouds.camera import PinholeCamera
 from hmrf_icp.datasets import open_sequence
 from hmrf_icp.errors import InputError
 

@@ -8,7 +8,7 @@ import numpy as np
 import pytest
 from dataset_writers import recording, write_seven_scenes, write_tum
 
-from hmrf_icp.cloud import PointCloud
+from hmrf_icp.clouds.cloud import PointCloud
 from hmrf_icp.datasets import (
     Collection,
     Format,

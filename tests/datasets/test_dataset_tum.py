@@ -8,7 +8,7 @@ import numpy as np
 import pytest
 from dataset_writers import START, recording, tum_line, walk, write_tum
 
-from hmrf_icp.camera import PinholeCamera
+from hmrf_icp.clouds.camera import PinholeCamera
 from hmrf_icp.datasets import open_sequence
 from hmrf_icp.errors import InputError
 from hmrf_icp.se3 import rotation_angle

@@ -12,10 +12,10 @@ import numpy as np
 from PIL import Image
 
 from hmrf_icp import se3
-from hmrf_icp.camera import PinholeCamera
+from hmrf_icp.clouds.camera import PinholeCamera
 from hmrf_icp.evaluate import Configuration, Method, Outcome, Start, evaluate
-from hmrf_icp.render import render
-from hmrf_icp.scenes import look_at, tabletop
+from hmrf_icp.synthetic.render import render
+from hmrf_icp.synthetic.scenes import look_at, tabletop
 
 CAMERA = PinholeCamera(48, 36, 43.5, 43.5, 23.5, 17.5)
 FRAMES = 8

@@ -9,13 +9,13 @@ import pytest
 from evaluation_fakes import asked, rows
 
 from hmrf_icp import se3
-from hmrf_icp.cloud import PointCloud
+from hmrf_icp.clouds.cloud import PointCloud
 from hmrf_icp.errors import InputError
 from hmrf_icp.evaluate import evaluate, peers
 from hmrf_icp.evaluate.peers import FAMILIES, THRESHOLDS, NoAnswerError
 from hmrf_icp.evaluate.prepared import Prepared
-from hmrf_icp.render import render
-from hmrf_icp.scenes import CAMERA, SCENES, trajectory
+from hmrf_icp.synthetic.render import render
+from hmrf_icp.synthetic.scenes import CAMERA, SCENES, trajectory
 
 STEP = 6
 

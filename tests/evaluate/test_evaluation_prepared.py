@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 from evaluation_fakes import CAMERA
 
-from hmrf_icp.cloud import PointCloud
+from hmrf_icp.clouds.cloud import PointCloud
 from hmrf_icp.datasets import Frame
 from hmrf_icp.evaluate.prepared import Prepared
 from hmrf_icp.evaluate.work import CLOUDS_KEPT, Clouds, Recent

@@ -8,7 +8,7 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 from hmrf_icp import se3
-from hmrf_icp.cloud import PointCloud
+from hmrf_icp.clouds.cloud import PointCloud
 from hmrf_icp.errors import InputError
 from hmrf_icp.evaluate.angles import parse_angle, parse_start
 from hmrf_icp.evaluate.plan import RUNS_PER_TASK, Plan

@@ -15,8 +15,8 @@ from hmrf_icp.errors import InputError
 if TYPE_CHECKING:
     from rich.table import Table
 
-    from hmrf_icp.cloud import PointCloud
-    from hmrf_icp.icp import Registrar
+    from hmrf_icp.clouds.cloud import PointCloud
+    from hmrf_icp.loop.icp import Registrar
     from hmrf_icp.result import RegistrationResult
     from hmrf_icp.se3 import Array
 
@@ -75,10 +75,11 @@ def desk_pair(seed: int = 0, subsample: int = 4, angle: float = START_ANGLE) -> 
     """
     import numpy as np
 
-    from hmrf_icp import scenes, se3
-    from hmrf_icp.cloud import PointCloud
+    from hmrf_icp import se3
+    from hmrf_icp.clouds.cloud import PointCloud
     from hmrf_icp.evaluate.protocol import overlap
-    from hmrf_icp.render import render, sensor_noise
+    from hmrf_icp.synthetic import scenes
+    from hmrf_icp.synthetic.render import render, sensor_noise
 
     scene, camera = scenes.desk(), scenes.CAMERA
     noise, direction = (np.random.default_rng((seed, stream)) for stream in (0, 1))
@@ -170,7 +171,7 @@ def _check_suffix(picture: Path) -> None:
 
 
 def _draw(pair: DeskPair, result: RegistrationResult, picture: Path, method: Registrar) -> None:
-    from hmrf_icp.figures import field_before_first_step, registration_figure
+    from hmrf_icp.figures.registration import field_before_first_step, registration_figure
 
     field = field_before_first_step(pair.source, pair.target, pair.init, method)
     registration_figure(pair.source, pair.target, result, picture, pair.init, field)

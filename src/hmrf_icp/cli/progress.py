@@ -10,7 +10,7 @@ from typing import TYPE_CHECKING
 if TYPE_CHECKING:
     from rich.progress import Progress
 
-    from hmrf_icp.icp import Iteration, Registrar
+    from hmrf_icp.loop.icp import Iteration, Registrar
 
 
 class StageBar:
@@ -51,7 +51,7 @@ class RegistrationBar(StageBar):
 
 def most_iterations(method: Registrar) -> int | None:
     """Tell after how many iterations a method gives up; None where it runs more than one loop."""
-    from hmrf_icp.icp import Method
+    from hmrf_icp.loop.icp import Method
 
     return method.criteria.max_iterations if isinstance(method, Method) else None
 

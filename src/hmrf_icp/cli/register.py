@@ -14,7 +14,7 @@ from hmrf_icp import presets
 from hmrf_icp.errors import InputError
 
 if TYPE_CHECKING:
-    from hmrf_icp.cloud import PointCloud
+    from hmrf_icp.clouds.cloud import PointCloud
     from hmrf_icp.io import Intrinsics
     from hmrf_icp.result import RegistrationResult
 
@@ -253,7 +253,7 @@ def _read(
     path: Path, lens: Intrinsics | None, depth_scale: float | None, max_depth: float | None
 ) -> tuple[PointCloud, bool]:
     """Read a cloud, and say whether it came from a depth map."""
-    from hmrf_icp.cloud import PointCloud
+    from hmrf_icp.clouds.cloud import PointCloud
     from hmrf_icp.io.cloud import read_any, unproject
 
     content = read_any(path)
@@ -266,7 +266,7 @@ def _seen_from(position: tuple[float, float, float], cloud: PointCloud) -> Point
     """Say where the sensor of a cloud stood; a camera stands at the origin and stays there."""
     import numpy as np
 
-    from hmrf_icp.cloud import PointCloud
+    from hmrf_icp.clouds.cloud import PointCloud
 
     if cloud.camera is not None:
         return cloud
@@ -294,7 +294,7 @@ def _write(
 ) -> list[Path]:
     """Write all outputs; none of them moves to its place before every one is complete."""
     from hmrf_icp import se3
-    from hmrf_icp.cloud import PointCloud
+    from hmrf_icp.clouds.cloud import PointCloud
     from hmrf_icp.io import write_cloud
     from hmrf_icp.io.whole import written_whole
 
@@ -308,7 +308,7 @@ def _write(
             )
             write_cloud(outputs.enter_context(written_whole(output)), moved)
         if figure is not None:
-            from hmrf_icp.figures import registration_figure
+            from hmrf_icp.figures.registration import registration_figure
 
             partial = outputs.enter_context(written_whole(figure))
             registration_figure(source, target, result, partial)

@@ -7,7 +7,7 @@ from pathlib import Path
 
 import numpy as np
 
-from hmrf_icp.cloud import PointCloud
+from hmrf_icp.clouds.cloud import PointCloud
 from hmrf_icp.datasets.folders import files_in, numbered
 from hmrf_icp.datasets.formats import Format
 from hmrf_icp.datasets.poses import pair, read_poses

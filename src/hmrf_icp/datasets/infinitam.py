@@ -7,8 +7,8 @@ from pathlib import Path
 
 import numpy as np
 
-from hmrf_icp.camera import PinholeCamera
-from hmrf_icp.cloud import PointCloud
+from hmrf_icp.clouds.camera import PinholeCamera
+from hmrf_icp.clouds.cloud import PointCloud
 from hmrf_icp.datasets.folders import (
     camera_from_file,
     files_in,

@@ -6,7 +6,7 @@ from pathlib import Path
 
 import numpy as np
 
-from hmrf_icp.camera import PinholeCamera
+from hmrf_icp.clouds.camera import PinholeCamera
 from hmrf_icp.datasets.folders import (
     camera_from_file,
     files_in,

@@ -9,8 +9,8 @@ from typing import Literal, Protocol, TypeAlias
 
 import numpy as np
 
-from hmrf_icp.camera import PinholeCamera
-from hmrf_icp.cloud import PointCloud
+from hmrf_icp.clouds.camera import PinholeCamera
+from hmrf_icp.clouds.cloud import PointCloud
 from hmrf_icp.errors import InputError
 from hmrf_icp.se3 import Array, as_rigid
 

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from pathlib import Path
 
-from hmrf_icp.camera import PinholeCamera
+from hmrf_icp.clouds.camera import PinholeCamera
 from hmrf_icp.datasets.folders import camera_from_file, files_in, find_camera_file, number_of
 from hmrf_icp.datasets.formats import Format
 from hmrf_icp.datasets.sequence import DepthMap, Frame, Sequence

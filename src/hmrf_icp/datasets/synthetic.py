@@ -7,7 +7,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from hmrf_icp.cloud import PointCloud
+from hmrf_icp.clouds.cloud import PointCloud
 from hmrf_icp.datasets.formats import Collection
 from hmrf_icp.datasets.sequence import Frame, Progress, Sequence
 from hmrf_icp.se3 import Array
@@ -26,7 +26,7 @@ class RenderedView:
     Parameters
     ----------
     scene
-        A key of ``hmrf_icp.scenes.SCENES``.
+        A key of ``hmrf_icp.synthetic.scenes.SCENES``.
     index
         Number of the frame; with the scene and the seed it decides the noise.
     pose
@@ -42,8 +42,8 @@ class RenderedView:
 
     def load(self) -> PointCloud:
         """Render the view as an organised cloud; the same every time."""
-        from hmrf_icp.render import render, sensor_noise
-        from hmrf_icp.scenes import CAMERA, SCENES
+        from hmrf_icp.synthetic.render import render, sensor_noise
+        from hmrf_icp.synthetic.scenes import CAMERA, SCENES
 
         depth = render(SCENES[self.scene](), CAMERA, self.pose)
         if self.seed is None:
@@ -54,7 +54,7 @@ class RenderedView:
 
 def open_synthetic(member: str, progress: Progress | None = None) -> Sequence:  # noqa: ARG001
     """Open ``synthetic:MEMBER``; nothing is rendered until a frame is loaded."""
-    from hmrf_icp.scenes import CAMERA, trajectory
+    from hmrf_icp.synthetic.scenes import CAMERA, trajectory
 
     frames = tuple(
         Frame(index, pose, RenderedView(member, index, pose))

@@ -8,7 +8,7 @@ from pathlib import Path
 import numpy as np
 from numpy.typing import NDArray
 
-from hmrf_icp.camera import PinholeCamera
+from hmrf_icp.clouds.camera import PinholeCamera
 from hmrf_icp.datasets.folders import camera_from_file, find_camera_file
 from hmrf_icp.datasets.formats import Format
 from hmrf_icp.datasets.poses import quaternion_pose

@@ -8,7 +8,7 @@ from typing import TypeVar
 import numpy as np
 from numpy.typing import NDArray
 
-from hmrf_icp.cloud import PointCloud
+from hmrf_icp.clouds.cloud import PointCloud
 from hmrf_icp.kept import Kept
 
 T = TypeVar("T")

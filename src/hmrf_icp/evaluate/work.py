@@ -18,7 +18,7 @@ from dataclasses import dataclass
 import numpy as np
 
 from hmrf_icp import se3
-from hmrf_icp.cloud import MINIMUM_POINTS
+from hmrf_icp.clouds.cloud import MINIMUM_POINTS
 from hmrf_icp.datasets import Frame
 from hmrf_icp.errors import RegistrationWarning
 from hmrf_icp.evaluate import methods, peers, protocol

@@ -10,7 +10,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from hmrf_icp.camera import PinholeCamera
+from hmrf_icp.clouds.camera import PinholeCamera
 from hmrf_icp.errors import InputError
 from hmrf_icp.io.files import existing_file, reading
 from hmrf_icp.io.matrix import read_matrix

@@ -9,8 +9,8 @@ from typing import Any
 
 from numpy.typing import NDArray
 
-from hmrf_icp.camera import PinholeCamera
-from hmrf_icp.cloud import PointCloud
+from hmrf_icp.clouds.camera import PinholeCamera
+from hmrf_icp.clouds.cloud import PointCloud
 from hmrf_icp.errors import InputError
 from hmrf_icp.io.arrays import read_npy, read_npz, write_npy, write_npz
 from hmrf_icp.io.camera import Intrinsics

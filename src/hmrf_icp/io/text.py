@@ -6,7 +6,7 @@ from pathlib import Path
 
 import numpy as np
 
-from hmrf_icp.cloud import PointCloud
+from hmrf_icp.clouds.cloud import PointCloud
 from hmrf_icp.errors import InputError
 from hmrf_icp.io.files import reading
 

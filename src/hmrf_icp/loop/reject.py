@@ -1,7 +1,7 @@
 """Reject: the decision phi about who is an inlier, and the five rules the paper compares with.
 
 Every rule looks at the distances Y alone. The paper's own, which also looks at
-the neighbours in the image, is in :mod:`hmrf_icp.field`.
+the neighbours in the image, is in :mod:`hmrf_icp.field.paper`.
 """
 
 from __future__ import annotations
@@ -14,8 +14,8 @@ from typing import Protocol
 import numpy as np
 from numpy.typing import NDArray
 
-from hmrf_icp.cloud import PointCloud
-from hmrf_icp.match import Matches
+from hmrf_icp.clouds.cloud import PointCloud
+from hmrf_icp.loop.match import Matches
 
 Array = NDArray[np.float64]
 

@@ -38,7 +38,7 @@ class Neighbours(Protocol):
     def steps(
         self, log_odds: Array, z: Array, beta: Array, update: Update, least: float
     ) -> tuple[Array, int]:
-        """Take a step of :func:`hmrf_icp.mean_field.mean_field` for every entry of beta.
+        """Take a step of :func:`hmrf_icp.field.mean_field.mean_field` for every entry of beta.
 
         It stops early when the labels move by ``least`` or less in a step, all
         of them added up. Returns the labels (M,) and how many steps were taken.

@@ -15,7 +15,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from hmrf_icp.errors import InputError
-from hmrf_icp.residuals import Residual, names, residual
+from hmrf_icp.field.residuals import Residual, names, residual
 
 Array = NDArray[np.float64]
 

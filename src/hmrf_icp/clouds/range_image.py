@@ -14,8 +14,8 @@ import numpy as np
 from numpy.typing import NDArray
 
 from hmrf_icp import kept
-from hmrf_icp.cloud import PointCloud
-from hmrf_icp.surface import Surface, surface_of
+from hmrf_icp.clouds.cloud import PointCloud
+from hmrf_icp.clouds.surface import Surface, surface_of
 
 Array = NDArray[np.float64]
 
@@ -62,9 +62,9 @@ class View:
 
         Returns
         -------
-        (M,) verdicts of :mod:`hmrf_icp.kernels.view`.
+        (M,) verdicts of :mod:`hmrf_icp.kernels.range_image`.
         """
-        from hmrf_icp.kernels.view import classify
+        from hmrf_icp.kernels.range_image import classify
 
         verdict = np.empty(len(points), dtype=np.uint8)
         classify(

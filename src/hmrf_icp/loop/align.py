@@ -1,7 +1,7 @@
 """Align: the rigid motion that brings the inliers to their matches (paper, step 3).
 
 The paper's own, between points, is here; those that look at the surfaces are in
-:mod:`hmrf_icp.metrics`.
+:mod:`hmrf_icp.loop.surface_metrics`.
 """
 
 from __future__ import annotations
@@ -13,10 +13,10 @@ import numpy as np
 from numpy.typing import NDArray
 
 from hmrf_icp import se3
-from hmrf_icp.cloud import PointCloud
-from hmrf_icp.match import Matches
-from hmrf_icp.placed import Placed
-from hmrf_icp.reject import Labels
+from hmrf_icp.clouds.cloud import PointCloud
+from hmrf_icp.loop.match import Matches
+from hmrf_icp.loop.placed import Placed
+from hmrf_icp.loop.reject import Labels
 
 Array = NDArray[np.float64]
 

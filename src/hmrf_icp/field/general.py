@@ -1,6 +1,6 @@
 """The random field in general: any cloud, any residuals, any beta, evidence of any other kind.
 
-The paper's field (:mod:`hmrf_icp.field`) is one choice of all of these: two
+The paper's field (:mod:`hmrf_icp.field.paper`) is one choice of all of these: two
 Gaussians, four pixel neighbours, beta = 2 throughout, no external field,
 simultaneous updates, nine points in ten inliers at first.
 """
@@ -15,14 +15,22 @@ from typing import Literal
 import numpy as np
 from numpy.typing import NDArray
 
-from hmrf_icp import kept, mixture
-from hmrf_icp.beta import LARGEST, Prior, Schedule, most_likely
-from hmrf_icp.cloud import PointCloud, some_of
+from hmrf_icp import kept
+from hmrf_icp.clouds.cloud import PointCloud, some_of
 from hmrf_icp.errors import InputError
-from hmrf_icp.graph import NeighbourGraph, Neighbours, PixelGrid, Update, nearest_graph, ring_graph
-from hmrf_icp.match import Matches, tree_of
-from hmrf_icp.reject import Labels, Reject
-from hmrf_icp.residuals import Residual, residual
+from hmrf_icp.field import mixture
+from hmrf_icp.field.beta import LARGEST, Prior, Schedule, most_likely
+from hmrf_icp.field.graph import (
+    NeighbourGraph,
+    Neighbours,
+    PixelGrid,
+    Update,
+    nearest_graph,
+    ring_graph,
+)
+from hmrf_icp.field.residuals import Residual, residual
+from hmrf_icp.loop.match import Matches, tree_of
+from hmrf_icp.loop.reject import Labels, Reject
 
 Array = NDArray[np.float64]
 
@@ -52,7 +60,7 @@ class MarkovField:
     ----------
     residuals
         Distributions of the inliers' and of the outliers' distances, by name
-        (:func:`hmrf_icp.residuals.names`) or instance; ``"auto"`` takes the pair with
+        (:func:`hmrf_icp.field.residuals.names`) or instance; ``"auto"`` takes the pair with
         the best BIC, before the first motion and again at iterations 1, 4, 16...
     neighbours
         ``"grid"``, the pixels; ``"nearest"``, the nearest points; ``"ring"``, an organised

@@ -6,7 +6,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from hmrf_icp.errors import InputError
-from hmrf_icp.graph import Neighbours, Update
+from hmrf_icp.field.graph import Neighbours, Update
 
 Array = NDArray[np.float64]
 

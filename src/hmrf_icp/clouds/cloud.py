@@ -10,7 +10,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
-from hmrf_icp.camera import PinholeCamera
+from hmrf_icp.clouds.camera import PinholeCamera
 from hmrf_icp.errors import InputError
 
 MINIMUM_POINTS = 10

@@ -10,7 +10,7 @@ from __future__ import annotations
 
 import math
 
-from hmrf_icp.evidence import Verdict
+from hmrf_icp.search.visibility import Verdict
 
 CONSTANT, VIEWS, HELD = -2.80, 1.33, 1.16
 """Log-odds: alone, for each e-fold of agreement to free space violated, and for each e-fold of
@@ -37,7 +37,7 @@ def confidence(verdict: Verdict, weakest: float | None = None) -> float:
         contradicted, and the answer is only the share of points that agree,
         less where a direction is hardly known: it ranks poses of one pair, and is not calibrated.
     weakest
-        How well the direction known least is known (:class:`hmrf_icp.align.Step`);
+        How well the direction known least is known (:class:`hmrf_icp.loop.align.Step`);
         None where nobody looked, and it is taken for well known.
     """
     most = SLIDES * (SLIDING + math.log(_known(weakest)))

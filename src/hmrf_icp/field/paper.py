@@ -15,10 +15,10 @@ from typing import Literal, NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
-from hmrf_icp.cloud import PointCloud
+from hmrf_icp.clouds.cloud import PointCloud
 from hmrf_icp.errors import InputError
-from hmrf_icp.match import Matches
-from hmrf_icp.reject import Labels, Reject
+from hmrf_icp.loop.match import Matches
+from hmrf_icp.loop.reject import Labels, Reject
 
 Array = NDArray[np.float64]
 

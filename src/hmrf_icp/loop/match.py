@@ -10,9 +10,9 @@ import numpy as np
 from numpy.typing import NDArray
 
 from hmrf_icp import kept
-from hmrf_icp.cloud import PointCloud
+from hmrf_icp.clouds.cloud import PointCloud
 from hmrf_icp.errors import InputError
-from hmrf_icp.placed import Placed
+from hmrf_icp.loop.placed import Placed
 
 if TYPE_CHECKING:
     from pykdtree.kdtree import KDTree

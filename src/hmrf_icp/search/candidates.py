@@ -9,9 +9,9 @@ import numpy as np
 from numpy.typing import NDArray
 
 from hmrf_icp import kept, se3
-from hmrf_icp.cloud import PointCloud
-from hmrf_icp.evidence import evenly
-from hmrf_icp.surface import Surface, surface_of
+from hmrf_icp.clouds.cloud import PointCloud
+from hmrf_icp.clouds.surface import Surface, surface_of
+from hmrf_icp.search.visibility import evenly
 
 Array = NDArray[np.float64]
 
@@ -98,7 +98,7 @@ class Annealer:
 
     def __call__(self, poses: Array, first: int = 0) -> Array:
         """Return where the starts (K, 4, 4) end, from the scale number ``first`` down."""
-        from hmrf_icp.kernels.annealed import anneal
+        from hmrf_icp.kernels.candidates import anneal
 
         ends = np.array(poses, dtype=np.float64)
         onto = self._onto

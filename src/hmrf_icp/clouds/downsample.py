@@ -8,9 +8,9 @@ import numpy as np
 from numpy.typing import NDArray
 
 from hmrf_icp import kept
-from hmrf_icp.cloud import PointCloud
-from hmrf_icp.match import tree_of
-from hmrf_icp.surface import thinned
+from hmrf_icp.clouds.cloud import PointCloud
+from hmrf_icp.clouds.surface import thinned
+from hmrf_icp.loop.match import tree_of
 
 
 def reduced(cloud: PointCloud, most: int) -> PointCloud:

@@ -7,8 +7,8 @@ from typing import TYPE_CHECKING
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
-from hmrf_icp import mixture
-from hmrf_icp.mixture import Mixture
+from hmrf_icp.field import mixture
+from hmrf_icp.field.mixture import Mixture
 
 if TYPE_CHECKING:
     from matplotlib.axes import Axes

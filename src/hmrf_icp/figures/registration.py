@@ -10,10 +10,10 @@ import numpy as np
 from numpy.typing import ArrayLike
 
 from hmrf_icp import presets, se3
-from hmrf_icp.cloud import PointCloud
+from hmrf_icp.clouds.cloud import PointCloud
 from hmrf_icp.errors import InputError
-from hmrf_icp.oblique import Patches, bounds, draw, lit, viewing_frame
-from hmrf_icp.placed import Placed
+from hmrf_icp.figures.oblique import Patches, bounds, draw, lit, viewing_frame
+from hmrf_icp.loop.placed import Placed
 from hmrf_icp.result import RegistrationResult
 from hmrf_icp.se3 import Array
 
@@ -22,7 +22,7 @@ if TYPE_CHECKING:
     from matplotlib.cm import ScalarMappable
     from matplotlib.figure import Figure
 
-    from hmrf_icp.icp import Registrar
+    from hmrf_icp.loop.icp import Registrar
 
 DPI = 150
 POINTS_DRAWN = 40_000

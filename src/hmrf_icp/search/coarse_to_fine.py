@@ -20,18 +20,18 @@ import numpy as np
 from numpy.typing import NDArray
 
 from hmrf_icp import se3
-from hmrf_icp.align import Aligner
-from hmrf_icp.cloud import PointCloud
-from hmrf_icp.confidence import confidence, log_odds
-from hmrf_icp.criteria import StoppingRule
-from hmrf_icp.degeneracy import NOISE_ALONE
-from hmrf_icp.evidence import Judge, Verdict
-from hmrf_icp.icp import Iteration, Loop, Method, Outcome
-from hmrf_icp.prior import FALL, FALL_UNSEEN, StartPrior
-from hmrf_icp.reject import Rejector
-from hmrf_icp.resolution import reduced, standing
-from hmrf_icp.starts import Annealer, Level, distinct, near, shifted, turned
-from hmrf_icp.surface import Surface, surface_of
+from hmrf_icp.clouds.cloud import PointCloud
+from hmrf_icp.clouds.downsample import reduced, standing
+from hmrf_icp.clouds.surface import Surface, surface_of
+from hmrf_icp.loop.align import Aligner
+from hmrf_icp.loop.criteria import StoppingRule
+from hmrf_icp.loop.degeneracy import NOISE_ALONE
+from hmrf_icp.loop.icp import Iteration, Loop, Method, Outcome
+from hmrf_icp.loop.reject import Rejector
+from hmrf_icp.search.candidates import Annealer, Level, distinct, near, shifted, turned
+from hmrf_icp.search.confidence import confidence, log_odds
+from hmrf_icp.search.start_prior import FALL, FALL_UNSEEN, StartPrior
+from hmrf_icp.search.visibility import Judge, Verdict
 
 Array = NDArray[np.float64]
 

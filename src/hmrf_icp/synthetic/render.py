@@ -8,12 +8,12 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
-from hmrf_icp.camera import PinholeCamera
-from hmrf_icp.cloud import SATURATED, PointCloud
+from hmrf_icp.clouds.camera import PinholeCamera
+from hmrf_icp.clouds.cloud import SATURATED, PointCloud
 from hmrf_icp.errors import InputError
-from hmrf_icp.primitives import Primitive
-from hmrf_icp.scenes import Scene
 from hmrf_icp.se3 import Array, as_rigid, inverse, transform
+from hmrf_icp.synthetic.primitives import Primitive
+from hmrf_icp.synthetic.scenes import Scene
 
 MILLIMETRES = 1000.0
 """Units of a 16-bit depth map per metre, as structured-light sensors write them."""

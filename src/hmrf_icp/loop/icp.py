@@ -10,13 +10,13 @@ import numpy as np
 from numpy.typing import NDArray
 
 from hmrf_icp import se3
-from hmrf_icp.align import Align, Aligner, Step
-from hmrf_icp.cloud import PointCloud
-from hmrf_icp.criteria import Criteria, StoppingRule, at_most
-from hmrf_icp.evidence import Verdict
-from hmrf_icp.match import Match, Matcher, Matches
-from hmrf_icp.placed import Placed
-from hmrf_icp.reject import Labels, Reject, Rejector
+from hmrf_icp.clouds.cloud import PointCloud
+from hmrf_icp.loop.align import Align, Aligner, Step
+from hmrf_icp.loop.criteria import Criteria, StoppingRule, at_most
+from hmrf_icp.loop.match import Match, Matcher, Matches
+from hmrf_icp.loop.placed import Placed
+from hmrf_icp.loop.reject import Labels, Reject, Rejector
+from hmrf_icp.search.visibility import Verdict
 
 Array = NDArray[np.float64]
 
@@ -110,7 +110,7 @@ class Iteration:
 class Outcome:
     """Where the loop ended: the motion, the last matches and labels, and how it got there.
 
-    ``last`` is the last :class:`~hmrf_icp.align.Step` taken; None where there was none.
+    ``last`` is the last :class:`~hmrf_icp.loop.align.Step` taken; None where there was none.
     ``stuck`` says that it ended because the inliers did not determine a motion.
     ``verdict`` is what both sensors say of the pose, and ``confidence`` what
     that is worth; None where the method did not ask.
@@ -129,7 +129,7 @@ class Outcome:
 
     @property
     def weakest(self) -> float | None:
-        """How well the direction known least is known; see :class:`~hmrf_icp.align.Step`."""
+        """How well the direction known least is known; see :class:`~hmrf_icp.loop.align.Step`."""
         return None if self.last is None else self.last.weakest
 
 

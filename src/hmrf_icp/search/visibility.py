@@ -9,10 +9,10 @@ import numpy as np
 from numpy.typing import NDArray
 
 from hmrf_icp import se3
-from hmrf_icp.cloud import PointCloud
-from hmrf_icp.match import tree_of
-from hmrf_icp.surface import Surface, surface_of
-from hmrf_icp.view import BAND, view_of
+from hmrf_icp.clouds.cloud import PointCloud
+from hmrf_icp.clouds.range_image import BAND, view_of
+from hmrf_icp.clouds.surface import Surface, surface_of
+from hmrf_icp.loop.match import tree_of
 
 Array = NDArray[np.float64]
 
@@ -85,7 +85,7 @@ class Asked(Protocol):
     """Anything that can be asked what it knows of points moved into its frame."""
 
     def ask(self, points: Array, normals: Array, pose: Array) -> NDArray[np.uint8]:
-        """Return a verdict (M,) of :mod:`hmrf_icp.kernels.view` for each point (M, 3)."""
+        """Return a verdict (M,) of :mod:`hmrf_icp.kernels.range_image` for each point (M, 3)."""
 
 
 class Near:
@@ -98,7 +98,7 @@ class Near:
 
     def ask(self, points: Array, normals: Array, pose: Array) -> NDArray[np.uint8]:
         """Ask who is within the noise and the spacing of the closest point, and faces its way."""
-        from hmrf_icp.kernels.view import AGREE, FACING, OTHER, OUTSIDE
+        from hmrf_icp.kernels.range_image import AGREE, FACING, OTHER, OUTSIDE
 
         distance, row = self._tree.query(se3.transform(pose, points))
         cosine = np.abs(((normals @ pose[:3, :3].T) * self._surface.normals[row]).sum(axis=1))

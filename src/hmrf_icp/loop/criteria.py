@@ -9,7 +9,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from hmrf_icp import se3
-from hmrf_icp.cloud import PointCloud
+from hmrf_icp.clouds.cloud import PointCloud
 from hmrf_icp.errors import InputError
 
 
@@ -51,7 +51,7 @@ class Criteria:
             and se3.rotation_angle(step) < self.rotation
         )
 
-    def on(self, target: PointCloud) -> Criteria:  # noqa: ARG002
+    def on(self, target: PointCloud) -> Criteria:
         """Return these: they are in metres whatever the target."""
         return self
 
@@ -75,7 +75,7 @@ class RelativeCriteria:
 
     def on(self, target: PointCloud) -> Criteria:
         """Return what they are for one target, in metres."""
-        from hmrf_icp.surface import surface_of
+        from hmrf_icp.clouds.surface import surface_of
 
         return Criteria(self.step * surface_of(target).size, self.step, self.max_iterations)
 

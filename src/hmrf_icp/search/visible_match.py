@@ -6,11 +6,11 @@ from dataclasses import dataclass, field, replace
 
 import numpy as np
 
-from hmrf_icp.cloud import PointCloud
-from hmrf_icp.match import Match, Matcher, Matches, NearestNeighbour
-from hmrf_icp.placed import Placed
-from hmrf_icp.surface import surface_of
-from hmrf_icp.view import BAND, view_of
+from hmrf_icp.clouds.cloud import PointCloud
+from hmrf_icp.clouds.range_image import BAND, view_of
+from hmrf_icp.clouds.surface import surface_of
+from hmrf_icp.loop.match import Match, Matcher, Matches, NearestNeighbour
+from hmrf_icp.loop.placed import Placed
 
 
 @dataclass(frozen=True)

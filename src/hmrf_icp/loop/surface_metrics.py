@@ -5,7 +5,7 @@ noise variance of both points, so that near measurements count for more than far
 ones. They differ in what they measure between x and y. Each is solved by Gauss and
 Newton's method on SE(3), in a frame about the centre of the matched points, and
 moves nothing along directions that the matches leave free
-(:mod:`hmrf_icp.degeneracy`).
+(:mod:`hmrf_icp.loop.degeneracy`).
 
 A match is left out where either point has no normal, and where the normals say
 that one side was seen and then the other (both clouds know where they were
@@ -21,14 +21,14 @@ import numpy as np
 from numpy.typing import NDArray
 
 from hmrf_icp import se3
-from hmrf_icp.align import Align, Step
-from hmrf_icp.cloud import PointCloud
-from hmrf_icp.degeneracy import about_origin, split, unit_twists
+from hmrf_icp.clouds.cloud import PointCloud
+from hmrf_icp.clouds.surface import Surface, surface_of
 from hmrf_icp.errors import InputError
-from hmrf_icp.match import Matches
-from hmrf_icp.placed import Placed
-from hmrf_icp.reject import Labels
-from hmrf_icp.surface import Surface, surface_of
+from hmrf_icp.loop.align import Align, Step
+from hmrf_icp.loop.degeneracy import about_origin, split, unit_twists
+from hmrf_icp.loop.match import Matches
+from hmrf_icp.loop.placed import Placed
+from hmrf_icp.loop.reject import Labels
 
 Array = NDArray[np.float64]
 
@@ -166,7 +166,7 @@ class PointToPlane(SurfaceMetric):
 
     def sums(self, m: Matched, pose: Array, centre: Array) -> Array:
         """Sum over n . (x - y)."""
-        from hmrf_icp.kernels import metrics as kernels
+        from hmrf_icp.kernels import surface_metrics as kernels
 
         found: Array = kernels.point_to_plane(*m[:6], pose, centre)
         return found
@@ -181,7 +181,7 @@ class Symmetric(SurfaceMetric):
 
     def sums(self, m: Matched, pose: Array, centre: Array) -> Array:
         """Sum over m . (x - y), m the mean of both normals."""
-        from hmrf_icp.kernels import metrics as kernels
+        from hmrf_icp.kernels import surface_metrics as kernels
 
         found: Array = kernels.symmetric(*m[:6], pose, centre)
         return found
@@ -210,7 +210,7 @@ class PlaneToPlane(SurfaceMetric):
 
     def sums(self, m: Matched, pose: Array, centre: Array) -> Array:
         """Sum over (x - y)' C^-1 (x - y)."""
-        from hmrf_icp.kernels import metrics as kernels
+        from hmrf_icp.kernels import surface_metrics as kernels
 
         found: Array = kernels.plane_to_plane(
             *m[:5], m.chance, pose, centre, m.variance, m.onto_variance, self.flatness
@@ -238,7 +238,7 @@ class Pairing:
 
         ``chance`` (M,) is what each counts for, apart from its noise.
         """
-        from hmrf_icp.kernels import metrics as kernels
+        from hmrf_icp.kernels import surface_metrics as kernels
 
         source, target = self._source, self._target
         normals, *weighed = kernels.weigh(

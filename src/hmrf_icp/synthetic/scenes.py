@@ -11,10 +11,10 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import ArrayLike
 
-from hmrf_icp.camera import PinholeCamera
+from hmrf_icp.clouds.camera import PinholeCamera
 from hmrf_icp.errors import InputError
-from hmrf_icp.primitives import Box, Frustum, Primitive, Rectangle, Sphere, Torus
 from hmrf_icp.se3 import Array, rigid, rotation_exp
+from hmrf_icp.synthetic.primitives import Box, Frustum, Primitive, Rectangle, Sphere, Torus
 
 CAMERA = PinholeCamera(width=640, height=480, fx=585.0, fy=585.0, cx=319.5, cy=239.5)
 """A structured-light sensor's usual intrinsics, pixels."""

@@ -1,0 +1,1 @@
+"""Clouds, and what a cloud alone tells: camera, surface, range image, fewer points."""

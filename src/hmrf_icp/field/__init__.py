@@ -1,0 +1,1 @@
+"""The hidden Markov random field and its EM: as published, and in general."""

@@ -1,0 +1,1 @@
+"""Algorithm 1: match, reject, align, and when it stops."""

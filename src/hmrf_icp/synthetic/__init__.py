@@ -1,0 +1,1 @@
+"""Scenes that are rendered with exactly known poses."""
