@@ -10,6 +10,7 @@ import time
 
 import numpy as np
 
+import hmrf_icp
 from depth_pairs import machine, vga_pair
 from hmrf_icp.field.paper import Grid, initial_labels
 from hmrf_icp.loop.match import NearestNeighbour
@@ -18,7 +19,9 @@ from hmrf_icp.loop.placed import Placed
 
 def distances(source, target, init):
     """Y on the source's grid at the start of the registration."""
-    matches = NearestNeighbour().prepare(source, target)(Placed.at(init, source.observed_points))
+    matches = NearestNeighbour().prepare(hmrf_icp.prepare(source), hmrf_icp.prepare(target))(
+        Placed.at(init, source.observed_points)
+    )
     return matches.distance
 
 

@@ -24,12 +24,12 @@ import numpy as np
 from pykdtree.kdtree import KDTree
 
 from depth_pairs import machine
-from hmrf_icp import datasets, io, se3
+from hmrf_icp import datasets, io, prepare, se3
 from hmrf_icp.clouds.cloud import PointCloud
 from hmrf_icp.evaluate import protocol
 from hmrf_icp.field import mixture
-from hmrf_icp.field.beta import Prior, most_likely
-from hmrf_icp.field.general import MarkovField, neighbours_of, spacing
+from hmrf_icp.field.beta import BetaPrior, most_likely
+from hmrf_icp.field.general import MarkovField, neighbours_of
 from hmrf_icp.field.graph import Neighbours
 from hmrf_icp.loop.match import Matches
 
@@ -99,7 +99,7 @@ def posed():
     for data, name, source, target, truth in clouds():
         tree = KDTree(target.observed_points)
         points = source.observed_points
-        neighbours = neighbours_of(source)
+        neighbours = neighbours_of(prepare(source))
         at_truth = tree.query(se3.transform(truth, points))[0]
         for turn in TURNS:
             pose = protocol.perturbed(truth, points.mean(axis=0), axes, 0, protocol.Start(turn))
@@ -109,7 +109,7 @@ def posed():
 
 def decided(case: Posed, model: MarkovField):
     """Labels of one decision, and how long it took."""
-    reject = model.prepare(case.source, case.target)
+    reject = model.prepare(prepare(case.source), prepare(case.target))
     matches = Matches(np.zeros(case.distance.size, np.intp), case.distance)
     started = time.perf_counter()
     labels = reject(matches, None)
@@ -157,7 +157,7 @@ def betas(cases):
     print("|---|---|---|---|---|---|---|---|")
     for case in cases:
         z = np.where(case.has_counterpart, 1.0, -1.0)
-        true = most_likely(z, case.neighbours.sums(z), Prior(0.0))
+        true = most_likely(z, case.neighbours.sums(z), BetaPrior(0.0))
         labels, _ = decided(case, MarkovField(beta="estimate", first_steps=100))
         learnt = labels.parameters
         hit = np.mean(labels.inlier == case.has_counterpart)
@@ -178,7 +178,7 @@ def residual_pairs(cases):
     print("|---|---|---|---|---|---|---|---|---|---|---|")
     won = Counter()
     for case in cases:
-        floor = 0.1 * spacing(case.target)
+        floor = 0.1 * prepare(case.target).neighbour_distance
         started = time.perf_counter()
         found = mixture.compare(case.distance, smallest=floor)
         seconds = time.perf_counter() - started

@@ -21,7 +21,7 @@ import numpy as np
 import hmrf_icp
 from depth_pairs import KITCHEN, machine
 from hmrf_icp import Criteria, datasets, presets, se3
-from hmrf_icp.clouds.surface import surface_of
+from hmrf_icp.clouds.prepared import PreparedCloud
 from hmrf_icp.evaluate import protocol
 
 CRITERIA = Criteria(1e-4, 1e-4, 50)
@@ -48,7 +48,7 @@ def cases(count, angle, step=4):
 
 def ours(name):
     def run(source, target, init):
-        surface_of(source), surface_of(target)
+        PreparedCloud(source).surface, PreparedCloud(target).surface
         started = time.process_time()
         result = hmrf_icp.register(
             source, target, init, rejector="x84", aligner=name, criteria=CRITERIA

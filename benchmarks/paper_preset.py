@@ -46,7 +46,9 @@ def runs(sequence, rejectors, step, per_decile, seed):
             init = protocol.perturbed(truth, centroid, axes, pair.source % len(axes), start)
             for rejector in rejectors:
                 began = time.process_time()
-                result = hmrf_icp.register(source, clouds[target], init, "paper", rejector=rejector)
+                result = hmrf_icp.register(
+                    source, clouds[target], init, preset="paper", rejector=rejector
+                )
                 seconds = time.process_time() - began
                 error = se3.error(result.transformation, truth)
                 yield rejector, pair.overlap, *error, result.iterations, seconds

@@ -35,7 +35,7 @@ def hmrf(precision, rejector=None):
     field = replace(presets.PAPER.reject, precision=precision)
 
     def run(source, target, init):
-        result = hmrf_icp.register(source, target, init, "paper", rejector=rejector or field)
+        result = hmrf_icp.register(source, target, init, preset="paper", rejector=rejector or field)
         return result.transformation, result.iterations
 
     return run

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import numpy as np
 
-from hmrf_icp import PinholeCamera, PointCloud
+from hmrf_icp import PinholeCamera, PointCloud, PreparedCloud
 
 CAMERA = PinholeCamera(80, 60, 73.0, 73.0, 39.5, 29.5)
 
@@ -52,3 +52,8 @@ def seen(shape, rng, noise=1e-3, camera=CAMERA):
     )
     depth = shape(rays)
     return PointCloud.from_depth(depth + noise * depth**2 * rng.normal(size=depth.shape), camera)
+
+
+def both(source, target):
+    """Two clouds, prepared for a part of the loop."""
+    return PreparedCloud(source), PreparedCloud(target)

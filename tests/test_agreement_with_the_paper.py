@@ -12,7 +12,7 @@ import paper_reference as paper
 import synthetic
 from hmrf_icp import presets, se3
 from hmrf_icp.field.paper import Grid, HiddenMarkovRandomField, initial_labels
-from hmrf_icp.loop.reject import mean_spacing
+from hmrf_icp.loop.reject import mean_neighbour_distance
 
 SINGLE_BOUND = 5e-5
 """Largest difference of z between single and double precision on the grids below, as asserted.
@@ -104,7 +104,7 @@ def register_both(source, target, **options):
     rule = options.get("rule", "hmrf")
     method = replace(presets.PAPER, criteria=criteria)
     rejector = HiddenMarkovRandomField(**field) if rule == "hmrf" else rule
-    found = hmrf_icp.register(source, target, options.get("init"), method, rejector=rejector)
+    found = hmrf_icp.register(source, target, options.get("init"), preset=method, rejector=rejector)
     observed = target[np.isfinite(target).all(axis=-1)]
     return found, paper.register(source, observed, **options)
 
@@ -156,4 +156,4 @@ def test_registration_is_algorithm_1_on_other_clouds(seed, overlap):
 def test_dynamic_measures_the_spacing_of_the_target_itself():
     _, target = synthetic.pair(seed=0)
     target = target[np.isfinite(target).all(axis=-1)]
-    assert mean_spacing(target) == pytest.approx(paper.mean_spacing(target), abs=1e-12)
+    assert mean_neighbour_distance(target) == pytest.approx(paper.mean_spacing(target), abs=1e-12)

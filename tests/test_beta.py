@@ -10,7 +10,7 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 
 from hmrf_icp.errors import InputError
-from hmrf_icp.field.beta import LARGEST, Prior, Schedule, most_likely, pseudo_likelihood
+from hmrf_icp.field.beta import LARGEST, BetaPrior, Schedule, most_likely, pseudo_likelihood
 from hmrf_icp.field.graph import PixelGrid
 
 
@@ -32,10 +32,10 @@ def gibbs_sample(beta, log_odds, height, width, rng, sweeps=120):
 def test_the_estimate_finds_the_beta_of_a_sample(beta, log_odds):
     z = gibbs_sample(beta, log_odds, 90, 90, np.random.default_rng(7))
     sums = PixelGrid(np.ones((90, 90), bool)).sums(z)
-    found = most_likely(z, sums, Prior(0.0))
+    found = most_likely(z, sums, BetaPrior(0.0))
     assert found.beta == pytest.approx(beta, abs=0.03)
     assert found.log_odds == pytest.approx(log_odds, abs=0.1)
-    alone = most_likely(z, sums, Prior(1.0, log_odds), learn_share=False)
+    alone = most_likely(z, sums, BetaPrior(1.0, log_odds), learn_share=False)
     assert alone.log_odds == log_odds
     assert alone.beta == pytest.approx(beta, abs=0.03)
 
@@ -46,11 +46,11 @@ def test_no_other_prior_is_likelier_and_the_start_does_not_matter(seed, beta, lo
     rng = np.random.default_rng(seed)
     z = np.clip(rng.normal(0.2, 0.7, 144), -1, 1)
     sums = PixelGrid(np.ones((12, 12), bool)).sums(z)
-    best = most_likely(z, sums, Prior(0.0))
-    again = most_likely(z, sums, Prior(beta, log_odds))
+    best = most_likely(z, sums, BetaPrior(0.0))
+    again = most_likely(z, sums, BetaPrior(beta, log_odds))
     assert again.beta == pytest.approx(best.beta, abs=1e-4)
     assert again.log_odds == pytest.approx(best.log_odds, abs=1e-4)
-    assert pseudo_likelihood(z, sums, Prior(beta, log_odds)) <= (
+    assert pseudo_likelihood(z, sums, BetaPrior(beta, log_odds)) <= (
         pseudo_likelihood(z, sums, best) + 1e-12
     )
 
@@ -58,19 +58,19 @@ def test_no_other_prior_is_likelier_and_the_start_does_not_matter(seed, beta, lo
 def test_without_a_field_the_share_is_the_mean_label():
     # The M-step of a plain mixture.
     z = np.random.default_rng(0).uniform(-1, 1, 50)
-    found = most_likely(z, np.zeros(50), Prior(0.0), learn_beta=False)
+    found = most_likely(z, np.zeros(50), BetaPrior(0.0), learn_beta=False)
     assert 1 / (1 + math.exp(-found.log_odds)) == pytest.approx((1 + z.mean()) / 2, abs=1e-6)
 
 
 def test_labels_without_a_dissenter_stop_at_the_bounds():
     sums = PixelGrid(np.ones((8, 8), bool)).sums(np.ones(64))
-    found = most_likely(np.ones(64), sums, Prior(0.0), share_floor=0.01)
+    found = most_likely(np.ones(64), sums, BetaPrior(0.0), share_floor=0.01)
     assert 0 <= found.beta <= LARGEST
     assert abs(found.log_odds) <= math.log(99) * (1 + 1e-12)
     # Neighbours that always differ would ask for a beta below 0: there is none.
     z = np.where(np.indices((8, 8)).sum(axis=0) % 2, 1.0, -1.0).ravel()
     grid = PixelGrid(np.ones((8, 8), bool))
-    assert most_likely(z, grid.sums(z), Prior(1.0)).beta == 0.0
+    assert most_likely(z, grid.sums(z), BetaPrior(1.0)).beta == 0.0
 
 
 def test_a_schedule_rises_and_stays():

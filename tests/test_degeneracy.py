@@ -10,12 +10,13 @@ import pytest
 import hmrf_icp
 import shapes
 from hmrf_icp import Criteria, FreeMotion, PointCloud, se3
-from hmrf_icp.clouds.surface import surface_of
+from hmrf_icp.clouds.prepared import PreparedCloud
 from hmrf_icp.loop.degeneracy import split, unit_twists
 from hmrf_icp.loop.match import NearestNeighbour
 from hmrf_icp.loop.placed import Placed
 from hmrf_icp.loop.reject import Labels
 from hmrf_icp.loop.surface_metrics import Pairing, PlaneToPlane, PointToPlane, Symmetric, extent
+from shapes import both
 
 METRICS = ("point-to-plane", "symmetric", "plane-to-plane")
 
@@ -69,12 +70,12 @@ def test_neither_the_noise_nor_its_seed_decides(shape, translations, rotations, 
 def test_a_step_has_nothing_of_what_is_free(shape, metric):
     source, target = views(shape)
     placed = Placed.at(START, source.observed_points)
-    matches = NearestNeighbour().prepare(source, target)(placed)
+    matches = NearestNeighbour().prepare(*both(source, target))(placed)
     one = np.ones(len(placed.points))
-    step = metric().prepare(source, target)(placed, matches, Labels(one))
+    step = metric().prepare(*both(source, target))(placed, matches, Labels(one))
     assert len(step.degenerate) > 0
     # In the coordinates of the solution: about the centre, a radian as long as the points are far.
-    pairing = Pairing(surface_of(source), surface_of(target))
+    pairing = Pairing(PreparedCloud(source).surface, PreparedCloud(target).surface)
     m = pairing.matched(placed, matches.index, one)
     centre, length = extent(m.points, m.weight)
     units = np.array([length] * 3 + [1.0] * 3)

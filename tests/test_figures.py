@@ -34,7 +34,7 @@ def pair():
 def registered(pair):
     source, target, truth = pair
     init = se3.rotation_about((0.0, 1.0, 0.0), 0.05, (0.0, 0.0, 1.5)) @ truth
-    return source, target, hmrf_icp.register(source, target, init, "paper"), init
+    return source, target, hmrf_icp.register(source, target, init, preset="paper"), init
 
 
 def picture(path):
@@ -97,7 +97,7 @@ def test_vector_formats_are_written_too(registered, tmp_path, suffix):
 def test_an_unorganised_source_is_drawn_as_points(registered, tmp_path):
     source, target, _, init = registered
     loose = PointCloud(source.observed_points)
-    result = hmrf_icp.register(loose, target, init, "paper", rejector="x84")
+    result = hmrf_icp.register(loose, target, init, preset="paper", rejector="x84")
     registration_figure(loose, target, result, tmp_path / "a.png", init)
     assert picture(tmp_path / "a.png")[640:1080].std() > 20
 

@@ -11,14 +11,15 @@ from hypothesis import strategies as st
 
 import hmrf_icp
 import synthetic
-from hmrf_icp import Criteria, PointCloud, presets, se3
+from hmrf_icp import Criteria, PointCloud, PreparedCloud, presets, se3
 from hmrf_icp.errors import InputError
 from hmrf_icp.field.beta import Schedule
-from hmrf_icp.field.general import MarkovField, neighbours_of, spacing
+from hmrf_icp.field.general import MarkovField, neighbours_of
 from hmrf_icp.field.graph import PixelGrid, grid_graph
 from hmrf_icp.field.paper import HiddenMarkovRandomField
 from hmrf_icp.field.residuals import Gaussian
 from hmrf_icp.loop.match import Matches
+from shapes import both
 
 SEED = st.integers(0, 1000)
 # Point-to-point creeps along a smooth surface: the paper's threshold on a step stops it early.
@@ -130,8 +131,8 @@ def test_the_grid_and_its_graph_register_alike(seed, update):
 def test_scaling_both_clouds_changes_no_label(name):
     source, target = clouds(2, 16, 20)
     distance = np.random.default_rng(0).gamma(1.0, 0.05, len(source))
-    large = [PointCloud(1000 * cloud.points) for cloud in (source, target)]
-    here = VARIANTS[name].prepare(source, target)(matches(distance), None)
+    large = [PreparedCloud(PointCloud(1000 * cloud.points)) for cloud in (source, target)]
+    here = VARIANTS[name].prepare(*both(source, target))(matches(distance), None)
     there = VARIANTS[name].prepare(*large)(matches(1000 * distance), None)
     np.testing.assert_allclose(there.z, here.z, atol=1e-6)
     assert there.em_iterations == here.em_iterations
@@ -145,7 +146,7 @@ def test_scaling_both_clouds_changes_no_label(name):
 )
 def test_nothing_gives_nan(name, distance):
     cloud = PointCloud(np.random.default_rng(0).normal(size=(3, 4, 3)))
-    reject = VARIANTS[name].prepare(cloud, cloud)
+    reject = VARIANTS[name].prepare(*both(cloud, cloud))
     labels = None
     for _ in range(4):
         labels = reject(matches(distance), labels)
@@ -160,7 +161,7 @@ def test_evidence_decides_where_distances_do_not():
     distance = np.where(rng.random(400) < 0.5, abs(rng.normal(0, 0.05, 400)), rng.random(400))
     against = np.zeros(400)
     against[:200] = -8.0
-    reject = MarkovField(beta=0.0, share=0.5).prepare(cloud, cloud)
+    reject = MarkovField(beta=0.0, share=0.5).prepare(*both(cloud, cloud))
     plain, told = reject(matches(distance), None), reject(matches(distance, against), None)
     assert plain.inlier[:200].mean() > 0.4
     assert not told.inlier[:200].any()
@@ -176,7 +177,9 @@ def test_the_field_fills_what_its_neighbours_surround():
     distance = np.full((20, 20), 0.01)
     distance[:, 10:] = 0.9
     distance[5, 5], distance[5, 15] = 0.06, 0.02
-    labels = MarkovField(beta=2.0, share=0.5).prepare(cloud, cloud)(matches(distance.ravel()), None)
+    labels = MarkovField(beta=2.0, share=0.5).prepare(*both(cloud, cloud))(
+        matches(distance.ravel()), None
+    )
     inlier = labels.inlier.reshape(20, 20)
     assert inlier[:, :10].all()
     assert not inlier[:, 10:].any()
@@ -201,19 +204,18 @@ def test_an_estimate_of_beta_is_positive_where_labels_agree():
 
 def test_neighbours_are_those_of_the_cloud():
     source, _ = clouds()
-    assert isinstance(neighbours_of(source), PixelGrid)
-    assert not isinstance(neighbours_of(*unorganised(source)), PixelGrid)
+    assert isinstance(neighbours_of(PreparedCloud(source)), PixelGrid)
+    assert not isinstance(neighbours_of(PreparedCloud(*unorganised(source))), PixelGrid)
     with pytest.raises(InputError, match="organised"):
-        neighbours_of(*unorganised(source), "grid")
+        neighbours_of(PreparedCloud(*unorganised(source)), "grid")
     with pytest.raises(InputError, match="observed"):
-        neighbours_of(source, grid_graph(np.ones((2, 2), bool)))
+        neighbours_of(PreparedCloud(source), grid_graph(np.ones((2, 2), bool)))
 
 
 def test_the_spacing_is_that_of_the_points():
     x, y = np.meshgrid(np.arange(50.0), np.arange(60.0))
     points = 0.02 * np.stack([x, y, 0 * x], axis=-1).reshape(-1, 3)
-    assert spacing(PointCloud(points)) == pytest.approx(0.02)
-    assert spacing(PointCloud(points), sample=100) == pytest.approx(0.02)
+    assert PreparedCloud(PointCloud(points)).neighbour_distance == pytest.approx(0.02)
 
 
 @pytest.mark.parametrize(

@@ -11,7 +11,8 @@ import hmrf_icp
 import shapes
 import synthetic
 from hmrf_icp import Criteria, InputError, PointCloud, presets, se3
-from hmrf_icp.clouds.surface import Surface, surface_of
+from hmrf_icp.clouds.prepared import PreparedCloud
+from hmrf_icp.clouds.surface import Surface
 from hmrf_icp.kernels.normal_equations import COST, GRADIENT
 from hmrf_icp.loop.match import Matches, NearestNeighbour
 from hmrf_icp.loop.placed import Placed
@@ -24,6 +25,7 @@ from hmrf_icp.loop.surface_metrics import (
     extent,
     matrix,
 )
+from shapes import both
 
 register = partial(hmrf_icp.register, preset="paper")
 """These are statements about the paper's method and its parts."""
@@ -276,7 +278,7 @@ def test_soft_weights_count_by_probability_and_hard_ones_by_sign():
 def test_near_points_count_for_more_than_far_ones():
     rng = np.random.default_rng(0)
     cloud = shapes.seen(shapes.corridor, rng, noise=2e-3)
-    s = surface_of(cloud)
+    s = PreparedCloud(cloud).surface
     m = Pairing(s, s).matched(here(s), np.arange(len(s.points)), np.ones(len(s.points)))
     depth = s.points[:, 2]
     near, far = m.weight[depth < 2.2].mean(), m.weight[depth > 3.8].mean()
@@ -398,6 +400,6 @@ def test_unorganised_clouds_have_surfaces_too():
     truth = some_motion(rng, 0.02)
     source = PointCloud(se3.transform(se3.inverse(truth), rng.permutation(points)))
     target = PointCloud(points)
-    assert NearestNeighbour().prepare(source, target) is not None
+    assert NearestNeighbour().prepare(*both(source, target)) is not None
     result = register(source, target, rejector="all", aligner="plane-to-plane", criteria=TIGHT)
     np.testing.assert_allclose(result.transformation, truth, atol=1e-8)

@@ -10,6 +10,7 @@ from hypothesis import strategies as st
 import paper_reference as paper
 from hmrf_icp import se3
 from hmrf_icp.clouds.cloud import PointCloud
+from hmrf_icp.clouds.prepared import PreparedCloud
 from hmrf_icp.loop.align import PointToPoint, best_motion
 from hmrf_icp.loop.match import Matches
 from hmrf_icp.loop.placed import Placed
@@ -128,7 +129,9 @@ def test_only_inliers_count_and_two_are_too_few():
     truth = random_motion(rng)
     target = se3.transform(truth, points)
     target[10:] += 5.0
-    align = PointToPoint().prepare(PointCloud(points), PointCloud(target))
+    align = PointToPoint().prepare(
+        PreparedCloud(PointCloud(points)), PreparedCloud(PointCloud(target))
+    )
     matches = Matches(np.arange(20), np.zeros(20))
     z = np.where(np.arange(20) < 10, 0.3, -0.3)
     np.testing.assert_allclose(

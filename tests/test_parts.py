@@ -12,10 +12,12 @@ from scipy.spatial import cKDTree
 import hmrf_icp
 import synthetic
 from hmrf_icp import PointCloud, presets, se3
+from hmrf_icp.clouds.prepared import PreparedCloud
 from hmrf_icp.loop.align import Step
 from hmrf_icp.loop.match import Matches, NearestNeighbour
 from hmrf_icp.loop.placed import Placed
 from hmrf_icp.loop.reject import X84, Dynamic, KeepAll, KeepPercent, KeepSigma, Labels, first_valley
+from shapes import both
 
 register = partial(hmrf_icp.register, preset="paper")
 """These are statements about the paper's method and its parts."""
@@ -117,7 +119,7 @@ def test_the_parts_of_the_paper_are_named_and_its_numbers_are_the_defaults():
 def label(rejector, distance, before=None):
     cloud = PointCloud(np.random.default_rng(0).normal(size=(len(distance), 3)))
     matches = Matches(np.zeros(len(distance), dtype=int), np.asarray(distance, float))
-    return rejector.prepare(cloud, cloud)(matches, before)
+    return rejector.prepare(*both(cloud, cloud))(matches, before)
 
 
 def test_rules_by_hand():
@@ -176,26 +178,28 @@ def test_nearest_neighbours_skip_the_holes_of_the_target():
     target[1:4, 2:5] = np.nan
     cloud = PointCloud(target)
     moved = np.random.default_rng(1).normal(size=(30, 3))
-    matches = NearestNeighbour().prepare(cloud, cloud)(Placed(moved, np.eye(4)))
+    matches = NearestNeighbour().prepare(*both(cloud, cloud))(Placed(moved, np.eye(4)))
     distance = np.linalg.norm(moved[:, None] - cloud.observed_points[None], axis=2)
     np.testing.assert_array_equal(matches.index, distance.argmin(axis=1))
     np.testing.assert_allclose(matches.distance, distance.min(axis=1), atol=1e-15)
 
 
-@pytest.mark.parametrize("slack", [0.1, 0.5])
-def test_nearest_neighbours_with_slack_are_almost_the_nearest(slack):
+@pytest.mark.parametrize("tolerance", [0.1, 0.5])
+def test_nearest_neighbours_with_tolerance_are_almost_the_nearest(tolerance):
     random = np.random.default_rng(2)
     cloud, moved = PointCloud(random.normal(size=(500, 3))), random.normal(size=(2000, 3))
     placed = Placed(moved, np.eye(4))
-    exact = NearestNeighbour().prepare(cloud, cloud)(placed)
-    loose = NearestNeighbour(slack=slack).prepare(cloud, cloud)(placed)
+    exact = NearestNeighbour().prepare(*both(cloud, cloud))(placed)
+    loose = NearestNeighbour(tolerance=tolerance).prepare(
+        PreparedCloud(cloud), PreparedCloud(cloud)
+    )(placed)
     apart = np.linalg.norm(moved - cloud.observed_points[loose.index], axis=1)
     np.testing.assert_allclose(loose.distance, apart, atol=1e-15)
-    assert (loose.distance <= (1 + slack) * exact.distance).all()
+    assert (loose.distance <= (1 + tolerance) * exact.distance).all()
     assert (loose.distance > exact.distance).any()
 
 
-@pytest.mark.parametrize("slack", [-0.1, np.nan, np.inf])
-def test_slack_is_a_share(slack):
-    with pytest.raises(hmrf_icp.InputError, match="slack"):
-        NearestNeighbour(slack=slack)
+@pytest.mark.parametrize("tolerance", [-0.1, np.nan, np.inf])
+def test_tolerance_is_a_share(tolerance):
+    with pytest.raises(hmrf_icp.InputError, match="tolerance"):
+        NearestNeighbour(tolerance=tolerance)

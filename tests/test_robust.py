@@ -9,15 +9,15 @@ import pytest
 import hmrf_icp
 import shapes
 from hmrf_icp import presets, se3
-from hmrf_icp.clouds.downsample import reduced, standing
-from hmrf_icp.clouds.range_image import view_of
-from hmrf_icp.clouds.surface import surface_of
+from hmrf_icp.clouds.prepared import PreparedCloud
+from hmrf_icp.clouds.surface import evenly
 from hmrf_icp.loop.match import NearestNeighbour
 from hmrf_icp.loop.placed import Placed
 from hmrf_icp.search.confidence import confidence
-from hmrf_icp.search.visibility import Judge, evenly
-from hmrf_icp.search.visible_match import Seen
+from hmrf_icp.search.visibility import VisibilityTest
+from hmrf_icp.search.visible_match import VisibleMatch
 from hmrf_icp.synthetic import render, scenes
+from shapes import both
 
 CAMERA = hmrf_icp.PinholeCamera(width=160, height=120, fx=146.25, fy=146.25, cx=79.75, cy=59.75)
 POSES = scenes.trajectory("desk", 60)
@@ -88,7 +88,7 @@ def test_clouds_without_a_grid_or_a_viewpoint_are_registered_too():
     assert metres < 0.02
     assert radians < 0.01
     assert result.inlier_probability.shape == source.shape
-    assert not result.verdict.seen
+    assert not result.visibility.seen
 
 
 def test_a_full_resolution_pair_has_a_label_at_every_observed_pixel():
@@ -113,7 +113,7 @@ def test_views_that_share_nothing_are_not_believed():
 
 
 def test_the_true_pose_violates_no_free_space_and_a_wrong_one_does():
-    judge = Judge(frame(4), frame(0), 2000)
+    judge = VisibilityTest(*both(frame(4), frame(0)), 2000)
     truth = true_motion(4, 0)
     off = truth.copy()
     off[2, 3] -= 0.3
@@ -124,8 +124,8 @@ def test_the_true_pose_violates_no_free_space_and_a_wrong_one_does():
 
 
 def test_a_view_tells_front_from_behind_from_outside():
-    view = view_of(frame(0))
-    surface = surface_of(frame(0))
+    view = PreparedCloud(frame(0)).range_image
+    surface = PreparedCloud(frame(0)).surface
     rows = evenly(surface, 500)
     points, normals = surface.points[rows], surface.normals[rows]
     ask = lambda scale: np.bincount(  # noqa: E731
@@ -142,11 +142,13 @@ def test_a_view_tells_front_from_behind_from_outside():
 def test_evidence_speaks_against_what_the_target_could_not_see():
     source, target = frame(8), frame(0)
     placed = Placed.at(true_motion(8, 0), source.observed_points)
-    matches = Seen(NearestNeighbour()).prepare(source, target)(placed)
+    matches = VisibleMatch(NearestNeighbour()).prepare(
+        PreparedCloud(source), PreparedCloud(target)
+    )(placed)
     u, v, _ = CAMERA.project(placed.points)
     outside = ~((u > -2) & (u < 161) & (v > -2) & (v < 121))
     assert outside.any()
-    assert (matches.evidence[outside] < 0).mean() > 0.95
+    assert (matches.label_log_odds[outside] < 0).mean() > 0.95
 
 
 def test_a_label_forgives_what_a_bent_depth_map_is_off_by():
@@ -156,7 +158,9 @@ def test_a_label_forgives_what_a_bent_depth_map_is_off_by():
     source = hmrf_icp.PointCloud.from_depth(wall - 8.0 * noise, CAMERA)
     placed = Placed.at(np.eye(4), source.observed_points)
     against = {
-        band: (Seen(band=band).prepare(source, target)(placed).evidence < -4.0).mean()
+        band: (
+            VisibleMatch(band=band).prepare(*both(source, target))(placed).label_log_odds < -4.0
+        ).mean()
         for band in (4.0, 8.0)
     }
     assert against[4.0] > 0.7
@@ -164,25 +168,26 @@ def test_a_label_forgives_what_a_bent_depth_map_is_off_by():
 
 
 def test_evenly_takes_each_part_of_a_surface_by_its_area():
-    surface = surface_of(frame(0))
+    surface = PreparedCloud(frame(0)).surface
     rows = evenly(surface, 1000)
     near = surface.points[:, 2] < np.median(surface.points[:, 2])
     share_of_area = surface.area[near].sum() / surface.area.sum()
     assert near[rows].mean() == pytest.approx(share_of_area, abs=0.1)
 
 
-def test_a_reduced_cloud_stands_for_all_points():
+def test_a_downsampled_cloud_stands_for_all_points():
     cloud = frame(0)
-    few, rows = reduced(cloud, 5000), standing(cloud, 5000)
+    prepared = PreparedCloud(cloud)
+    few, rows = prepared.downsampled(5000), prepared.representatives(5000)
     assert len(rows) == len(cloud)
-    gap = np.linalg.norm(few.observed_points[rows] - cloud.observed_points, axis=1)
-    assert np.median(gap) < 3 * surface_of(cloud).spacing
+    gap = np.linalg.norm(few.points[rows] - cloud.observed_points, axis=1)
+    assert np.median(gap) < 3 * prepared.surface.spacing
 
 
-def test_a_small_cloud_is_not_reduced():
-    cloud = frame(0)
-    assert reduced(cloud, 50_000) is cloud
-    np.testing.assert_array_equal(standing(cloud, 50_000), np.arange(len(cloud)))
+def test_a_small_cloud_is_not_downsampled():
+    cloud = PreparedCloud(frame(0))
+    assert cloud.downsampled(50_000) is cloud
+    np.testing.assert_array_equal(cloud.representatives(50_000), np.arange(len(cloud)))
 
 
 def test_a_bare_wall_is_reported_as_free_to_slide():
@@ -200,22 +205,22 @@ def test_a_bare_wall_is_not_slid_along():
     result = hmrf_icp.register(source, target, start)
     centre = source.observed_points.mean(axis=0)
     went = se3.transform(result.transformation, centre) - se3.transform(start, centre)
-    normal = surface_of(target).normals.mean(axis=0)
+    normal = PreparedCloud(target).surface.normals.mean(axis=0)
     normal /= np.linalg.norm(normal)
     assert np.linalg.norm(went - (went @ normal) * normal) < 0.01
     assert len(result.degenerate) == 3
     # Everything agrees, and yet nobody knows where along the wall it belongs.
-    assert result.verdict.front == 0
+    assert result.visibility.front == 0
     assert result.confidence < 0.5
 
 
 def test_the_less_a_direction_is_known_the_less_is_believed():
-    verdict = Judge(frame(4), frame(0), 2000)(true_motion(4, 0))
-    found = [confidence(verdict, weakest) for weakest in (0.0, 0.1, 1.0, 3.0, 10.0, 30.0)]
+    visibility = VisibilityTest(*both(frame(4), frame(0)), 2000)(true_motion(4, 0))
+    found = [confidence(visibility, weakest) for weakest in (0.0, 0.1, 1.0, 3.0, 10.0, 30.0)]
     assert found == sorted(found)
-    assert found[-1] == confidence(verdict) > 0.9
+    assert found[-1] == confidence(visibility) > 0.9
     assert found[1] < 0.5
-    unseen = replace(verdict, seen=False)
+    unseen = replace(visibility, seen=False)
     assert (
         0.0
         < confidence(unseen, 0.5)

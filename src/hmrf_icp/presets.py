@@ -3,28 +3,63 @@
 from __future__ import annotations
 
 from collections.abc import Callable
+from typing import Literal, Protocol, TypeAlias, runtime_checkable
 
+import numpy as np
+from numpy.typing import NDArray
+
+from hmrf_icp.clouds.prepared import PreparedCloud
 from hmrf_icp.errors import InputError
 from hmrf_icp.field.general import MarkovField
 from hmrf_icp.field.paper import HiddenMarkovRandomField
 from hmrf_icp.loop.align import Aligner, PointToPoint
-from hmrf_icp.loop.criteria import Criteria, RelativeCriteria
-from hmrf_icp.loop.icp import Method, Registrar
+from hmrf_icp.loop.criteria import Criteria, RelativeCriteria, StoppingRule
+from hmrf_icp.loop.icp import Iteration, LoopResult, Method
 from hmrf_icp.loop.match import NearestNeighbour
 from hmrf_icp.loop.reject import X84, Dynamic, KeepAll, KeepPercent, KeepSigma, Rejector
 from hmrf_icp.loop.surface_metrics import PlaneToPlane, PointToPlane, Symmetric
-from hmrf_icp.search.coarse_to_fine import CoarseToFine
-from hmrf_icp.search.visible_match import Seen
+from hmrf_icp.search.coarse_to_fine import CoarseToFine, SearchResult
+from hmrf_icp.search.visible_match import VisibleMatch
 
-DEFAULT = "robust"
+
+@runtime_checkable
+class Registrar(Protocol):
+    """Anything that registers: Algorithm 1 alone, or something round it."""
+
+    def run(
+        self,
+        source: PreparedCloud,
+        target: PreparedCloud,
+        init: NDArray[np.float64],
+        on_iteration: Callable[[Iteration], None] | None = None,
+    ) -> LoopResult | SearchResult:
+        """Register from ``init`` (4, 4)."""
+
+    def with_parts(
+        self,
+        reject: Rejector | None = None,
+        align: Aligner | None = None,
+        criteria: StoppingRule | None = None,
+    ) -> Registrar:
+        """Return the same with some of its parts replaced."""
+
+
+PresetName: TypeAlias = Literal["robust", "paper"]
+RejectorName: TypeAlias = Literal["hmrf", "all", "percent", "sigma", "x84", "dynamic", "field"]
+AlignerName: TypeAlias = Literal["point-to-point", "point-to-plane", "symmetric", "plane-to-plane"]
+
+DEFAULT: PresetName = "robust"
 
 PAPER = Method(NearestNeighbour(), HiddenMarkovRandomField(), PointToPoint(), Criteria())
 """HMRF-ICP as published (Stechschulte and Heckman 2017, Algorithm 1)."""
 
+FIELD = MarkovField(beta=0.5, share=0.5, first_steps=20, steps=5)
+"""The field of the default: half-normal inliers, uniform outliers."""
+
 ROBUST = CoarseToFine(
     Method(
-        Seen(NearestNeighbour(slack=0.1)),
-        MarkovField(beta=0.5, share=0.5, first_steps=20, steps=5),
+        VisibleMatch(NearestNeighbour(tolerance=0.1)),
+        FIELD,
         Symmetric(),
         RelativeCriteria(),
     )
@@ -40,7 +75,7 @@ _REJECTORS: dict[str, Callable[[], Rejector]] = {
     "sigma": KeepSigma,
     "x84": X84,
     "dynamic": Dynamic,
-    "field": MarkovField,
+    "field": lambda: FIELD,
 }
 
 _ALIGNERS: dict[str, Callable[[], Aligner]] = {
@@ -80,7 +115,7 @@ def preset(name: str) -> Registrar:
 
 
 def rejector(name: str) -> Rejector:
-    """Look a rejector up by name, with the paper's settings (``"field"`` has its own).
+    """Look a rejector up by name, with the paper's settings (``"field"``: with the default's).
 
     Raises
     ------

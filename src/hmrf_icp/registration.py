@@ -2,36 +2,39 @@
 
 from __future__ import annotations
 
+import os
 import time
 import warnings
 from collections.abc import Callable
-from typing import Any
 
 import numpy as np
-from numpy.typing import ArrayLike
+from numpy.typing import ArrayLike, NDArray
 
 from hmrf_icp import presets, se3
-from hmrf_icp.clouds.cloud import PointCloud, as_cloud, require_registrable, some_of
+from hmrf_icp.clouds.cloud import PointCloudLike, some_of
+from hmrf_icp.clouds.prepared import PreparedCloud, prepare
 from hmrf_icp.errors import InputError, RegistrationWarning
 from hmrf_icp.loop.align import Aligner
 from hmrf_icp.loop.criteria import StoppingRule
 from hmrf_icp.loop.degeneracy import FreeMotion
-from hmrf_icp.loop.icp import Iteration, Outcome, Registrar, rms
+from hmrf_icp.loop.icp import Iteration, LoopResult, rms
 from hmrf_icp.loop.reject import Rejector
+from hmrf_icp.presets import AlignerName, PresetName, Registrar, RejectorName
 from hmrf_icp.result import RegistrationResult
+from hmrf_icp.search.coarse_to_fine import SearchResult
 
 UNIT_MIX_UP = 100.0
 """Ratio of the sizes of two clouds above which metres and millimetres were probably mixed up."""
 
 
 def register(
-    source: Any,
-    target: Any,
+    source: PreparedCloud | PointCloudLike | str | os.PathLike[str],
+    target: PreparedCloud | PointCloudLike | str | os.PathLike[str],
     init: ArrayLike | None = None,
-    preset: str | Registrar = presets.DEFAULT,
     *,
-    rejector: str | Rejector | None = None,
-    aligner: str | Aligner | None = None,
+    preset: PresetName | Registrar = presets.DEFAULT,
+    rejector: RejectorName | Rejector | None = None,
+    aligner: AlignerName | Aligner | None = None,
     criteria: StoppingRule | None = None,
     on_iteration: Callable[[Iteration], None] | None = None,
 ) -> RegistrationResult:
@@ -41,7 +44,8 @@ def register(
     ----------
     source
         The cloud that moves (the paper's free cloud): a :class:`PointCloud`, an
-        array (H, W, 3) or (N, 3) in metres, or an object with ``.points``. For
+        array (H, W, 3) or (N, 3) in metres, an object with ``.points``, the path of a
+        file with a cloud, or any of these prepared (:func:`hmrf_icp.prepare`). For
         ``preset="paper"`` it must be organised.
     target
         The cloud that stays (the paper's fixed cloud), of any kind.
@@ -70,13 +74,23 @@ def register(
     RegistrationWarning
         The sizes of the clouds differ so much that their units probably do, or
         so few inliers were left that no motion could be found from them.
+
+    Examples
+    --------
+    >>> import numpy as np
+    >>> import hmrf_icp
+    >>> points = np.random.default_rng(0).uniform(size=(2000, 3)) * [1.0, 0.7, 0.0]
+    >>> points[:, 2] = 0.1 * np.sin(7.0 * points[:, 0]) * np.cos(9.0 * points[:, 1])
+    >>> shift = np.eye(4)
+    >>> shift[:3, 3] = 0.02, -0.01, 0.01
+    >>> result = hmrf_icp.register(points - shift[:3, 3], points)
+    >>> bool(np.allclose(result.transformation, shift, atol=1e-6))
+    True
     """
     started = time.perf_counter()
-    source, target = as_cloud(source, "source"), as_cloud(target, "target")
-    require_registrable(source, "source")
-    require_registrable(target, "target")
+    moving, fixed = prepare(_read(source), "source"), prepare(_read(target), "target")
     start = se3.as_rigid(init, "init")
-    warn_of_units(source, target)
+    warn_of_units(moving, fixed)
 
     chosen = presets.preset(preset) if isinstance(preset, str) else preset
     if not isinstance(chosen, Registrar):
@@ -88,45 +102,77 @@ def register(
         align=presets.aligner(aligner) if isinstance(aligner, str) else aligner,
         criteria=criteria,
     )
-    outcome = method.run(source, target, start, on_iteration)
-    inlier = outcome.labels.inlier
-    if outcome.stuck:
+    found = method.run(moving, fixed, between_origins(start, moving, fixed), on_iteration)
+    judged = found if isinstance(found, SearchResult) else None
+    loop = found.loop if isinstance(found, SearchResult) else found
+    inlier = loop.labels.inlier
+    if loop.stuck:
         warnings.warn(
-            f"stopped after {len(outcome.history)} iterations: {np.count_nonzero(inlier)} inliers "
+            f"stopped after {len(loop.history)} iterations: {np.count_nonzero(inlier)} inliers "
             f"among {inlier.size} points do not determine a motion; is the start too far off?",
             RegistrationWarning,
             stacklevel=2,
         )
+    on_grid = moving.cloud.on_grid
     return RegistrationResult(
-        transformation=outcome.transformation,
-        inlier_probability=source.on_grid(outcome.labels.probability),
-        distance=source.on_grid(outcome.matches.distance),
-        converged=outcome.converged,
-        iterations=len(outcome.history),
-        em_iterations=outcome.em_iterations,
+        transformation=between_frames(loop.transformation, moving, fixed),
+        inlier_probability=on_grid(loop.labels.probability),
+        distance=on_grid(loop.matches.distance),
+        converged=loop.converged,
+        iterations=len(loop.history),
+        em_iterations=loop.em_iterations,
         overlap=float(inlier.mean()),
-        inlier_rmse=rms(outcome.matches.distance[inlier]),
+        inlier_rmse=rms(loop.matches.distance[inlier]),
         seconds=time.perf_counter() - started,
-        history=outcome.history,
-        information=None if outcome.last is None else outcome.last.information,
-        degenerate=free_motions(outcome),
-        confidence=outcome.confidence,
-        verdict=outcome.verdict,
+        history=loop.history,
+        information=None if loop.last is None else loop.last.information,
+        degenerate=free_motions(loop),
+        confidence=None if judged is None else judged.confidence,
+        visibility=None if judged is None else judged.visibility,
     )
 
 
-def free_motions(outcome: Outcome) -> tuple[FreeMotion, ...]:
+def between_origins(
+    transformation: NDArray[np.float64], source: PreparedCloud, target: PreparedCloud
+) -> NDArray[np.float64]:
+    """Express a motion (4, 4) between the frames as given on the prepared clouds."""
+    moved: NDArray[np.float64] = transformation.copy()
+    moved[:3, 3] += transformation[:3, :3] @ source.origin - target.origin
+    return moved
+
+
+def between_frames(
+    transformation: NDArray[np.float64], source: PreparedCloud, target: PreparedCloud
+) -> NDArray[np.float64]:
+    """Express a motion (4, 4) between the prepared clouds on the frames as given."""
+    moved: NDArray[np.float64] = transformation.copy()
+    moved[:3, 3] += target.origin - transformation[:3, :3] @ source.origin
+    return moved
+
+
+def _read(
+    cloud: PreparedCloud | PointCloudLike | str | os.PathLike[str],
+) -> PreparedCloud | PointCloudLike:
+    """Read a cloud that is given as a file."""
+    if not isinstance(cloud, str | os.PathLike):
+        return cloud
+    from hmrf_icp.io import read_cloud
+
+    return read_cloud(cloud)
+
+
+def free_motions(loop: LoopResult) -> tuple[FreeMotion, ...]:
     """Describe what the last step left unmoved."""
-    if outcome.last is None or outcome.last.degenerate is None:
+    if loop.last is None or loop.last.degenerate is None:
         return ()
-    return tuple(FreeMotion(twist) for twist in outcome.last.degenerate)
+    return tuple(FreeMotion(twist) for twist in loop.last.degenerate)
 
 
-def warn_of_units(source: PointCloud, target: PointCloud) -> None:
+def warn_of_units(source: PreparedCloud, target: PreparedCloud) -> None:
     """Warn where one cloud is a hundred times the size of the other, or more."""
     sizes = [
         float(np.median(np.linalg.norm(points - np.median(points, axis=0), axis=1)))
-        for points in (some_of(source.observed_points), some_of(target.observed_points))
+        for points in (some_of(source.points), some_of(target.points))
     ]
     small, large = sorted(sizes)
     if large > UNIT_MIX_UP * small:

@@ -9,7 +9,7 @@ from numpy.typing import NDArray
 
 from hmrf_icp.loop.degeneracy import FreeMotion
 from hmrf_icp.loop.icp import Iteration
-from hmrf_icp.search.visibility import Verdict
+from hmrf_icp.search.visibility import Visibility
 
 
 @dataclass(frozen=True, eq=False)
@@ -51,8 +51,8 @@ class RegistrationResult:
     confidence
         Probability in [0, 1] that the registration is right, from what both
         sensors saw of it; None for a method that does not ask (``"paper"``).
-    verdict
-        What they saw, a :class:`hmrf_icp.Verdict`; None likewise.
+    visibility
+        What they saw, a :class:`hmrf_icp.Visibility`; None likewise.
     """
 
     transformation: NDArray[np.float64]
@@ -68,7 +68,7 @@ class RegistrationResult:
     information: NDArray[np.float64] | None = None
     degenerate: tuple[FreeMotion, ...] = ()
     confidence: float | None = None
-    verdict: Verdict | None = None
+    visibility: Visibility | None = None
 
     def __repr__(self) -> str:
         state = "converged" if self.converged else "did not converge"

@@ -107,7 +107,7 @@ def test_another_metric_and_what_a_bare_wall_leaves_free(command, tmp_path):
     slope = np.add.outer(np.arange(36) * 0.3, np.arange(48) * 0.2)
     Image.fromarray(np.round(1500 + slope).astype(np.uint16)).save(tmp_path / "wall.png")
     wall = tmp_path / "wall.png"
-    options = (*INTRINSICS, "--rejector", "all", "--metric", "point-to-plane")
+    options = (*INTRINSICS, "--rejector", "all", "--aligner", "point-to-plane")
     _, out, _ = command("register", wall, wall, *options)
     assert "slide along themselves" in out
     assert out.count("translation along") == 2
@@ -120,9 +120,9 @@ def test_another_metric_and_what_a_bare_wall_leaves_free(command, tmp_path):
 
 
 def test_an_unknown_metric_is_named(command, clouds):
-    status, out, err = command("register", *clouds, "--metric", "chamfer")
+    status, out, err = command("register", *clouds, "--aligner", "chamfer")
     assert (status, out) == (2, "")
-    assert "--metric: unknown 'chamfer'" in err
+    assert "aligner: unknown 'chamfer'" in err
     assert "plane-to-plane" in err
 
 
@@ -166,7 +166,7 @@ def test_not_converged_is_status_1_with_the_result_printed_and_written(
 
     def one_iteration(source, target, init, preset, **options):
         criteria = hmrf_icp.Criteria(translation=0.0, rotation=0.0, max_iterations=1)
-        return register(source, target, init, preset, criteria=criteria, **options)
+        return register(source, target, init, preset=preset, criteria=criteria, **options)
 
     monkeypatch.setattr(hmrf_icp, "register", one_iteration)
     aligned = tmp_path / "aligned.ply"

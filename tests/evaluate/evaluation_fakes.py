@@ -13,7 +13,7 @@ from PIL import Image
 
 from hmrf_icp import se3
 from hmrf_icp.clouds.camera import PinholeCamera
-from hmrf_icp.evaluate import Configuration, Method, Outcome, Start, evaluate
+from hmrf_icp.evaluate import Configuration, Estimate, NamedMethod, Start, evaluate
 from hmrf_icp.synthetic.render import render
 from hmrf_icp.synthetic.scenes import look_at, tabletop
 
@@ -53,12 +53,12 @@ def asked(dataset: Path, **changes: object) -> Configuration:
 
 
 def _stay(source, target, init):
-    return Outcome(init, iterations=0)
+    return Estimate(init, iterations=0)
 
 
 def quick(source, target, init):
     """Says the same as the slow one."""
-    return Outcome(se3.rigid(np.eye(3), source.centroid), iterations=1, fitness=0.5)
+    return Estimate(se3.rigid(np.eye(3), source.centroid), iterations=1, fitness=0.5)
 
 
 def _slow(source, target, init):
@@ -71,18 +71,18 @@ def _raise(source, target, init):
 
 
 def _lose_its_mind(source, target, init):
-    return Outcome(np.full((4, 4), np.nan))
+    return Estimate(np.full((4, 4), np.nan))
 
 
 def _kill_its_process(source, target, init):
     os.kill(os.getpid(), signal.SIGKILL)
 
 
-STAY = Method("stay", _stay)
-SLOW = Method("slow", _slow)
-RAISES = Method("raises", _raise)
-NOT_A_NUMBER = Method("not-a-number", _lose_its_mind)
-KILLS = Method("kills", _kill_its_process)
+STAY = NamedMethod("stay", _stay)
+SLOW = NamedMethod("slow", _slow)
+RAISES = NamedMethod("raises", _raise)
+NOT_A_NUMBER = NamedMethod("not-a-number", _lose_its_mind)
+KILLS = NamedMethod("kills", _kill_its_process)
 
 
 def rows(folder: Path, without: tuple[str, ...] = ("seconds",)) -> list[dict[str, str]]:

@@ -14,7 +14,7 @@ import pytest
 from evaluation_fakes import SLOW, asked, rows
 
 from hmrf_icp.errors import InputError
-from hmrf_icp.evaluate import Method, evaluate
+from hmrf_icp.evaluate import NamedMethod, evaluate
 
 distributed = pytest.importorskip("distributed")
 pytest.importorskip("joblib")
@@ -69,7 +69,7 @@ def test_a_cluster_that_loses_a_worker_finds_what_this_machine_finds(
 ):
     configuration = asked(recording, methods=("hmrf",), axes=8)
     local, remote = tmp_path / "local", tmp_path / "remote"
-    quick = Method("slow", evaluation_fakes.quick)
+    quick = NamedMethod("slow", evaluation_fakes.quick)
     evaluate(configuration, local, workers=2, extra_methods=(quick,))
 
     with cluster(tmp_path) as (address, workers):

@@ -8,9 +8,8 @@ from evaluation_fakes import CAMERA
 
 from hmrf_icp.clouds.cloud import PointCloud
 from hmrf_icp.datasets import Frame
-from hmrf_icp.evaluate.prepared import Prepared
+from hmrf_icp.evaluate.prepared import Prepared, timed
 from hmrf_icp.evaluate.work import CLOUDS_KEPT, Clouds, Recent
-from hmrf_icp.kept import timed
 
 
 def cloud(seed: int = 0) -> PointCloud:

@@ -23,7 +23,7 @@ from evaluation_fakes import (
 )
 
 from hmrf_icp.errors import InputError
-from hmrf_icp.evaluate import Method, Start, evaluate
+from hmrf_icp.evaluate import NamedMethod, Start, evaluate
 from hmrf_icp.evaluate.methods import PAPER_METHODS
 
 pytest.importorskip("joblib")
@@ -197,7 +197,7 @@ def test_a_killed_evaluation_goes_on_and_ends_as_if_nothing_had_happened(
     assert 0 < done <= resumed_at[0] + 1
     assert resumed_at[0] < resumed_at[-1]
     whole = tmp_path / "whole"
-    quick = Method("slow", evaluation_fakes.quick)
+    quick = NamedMethod("slow", evaluation_fakes.quick)
     evaluate(configuration, whole, workers=2, extra_methods=(quick,))
     assert rows(killed) == rows(whole)
 
@@ -249,7 +249,7 @@ def test_an_unknown_method_is_refused_with_the_known_ones(recording: Path, tmp_p
 
 def test_two_methods_of_one_name_are_refused(recording: Path, tmp_path: Path):
     with pytest.raises(InputError, match="two are called x84"):
-        evaluate(asked(recording), tmp_path, extra_methods=(Method("x84", STAY.register),))
+        evaluate(asked(recording), tmp_path, extra_methods=(NamedMethod("x84", STAY.register),))
 
 
 def test_the_paper_is_evaluated_with_every_preset_unless_told_otherwise():

@@ -18,7 +18,7 @@ from hmrf_icp.evaluate.report.cost_tables import (
     three_digits,
 )
 from hmrf_icp.evaluate.report.recall_tables import recall_by_decile_table, recall_table
-from hmrf_icp.evaluate.report.runs import Start, angle_label
+from hmrf_icp.evaluate.report.runs import ReportedStart, angle_label
 from hmrf_icp.evaluate.report.study import Study
 from hmrf_icp.evaluate.report.summary import summary
 from hmrf_icp.evaluate.report.tables import Cell, Group, Row, Table
@@ -234,12 +234,12 @@ def test_an_unfinished_evaluation_is_said(tmp_path):
 @pytest.mark.parametrize(
     ("start", "label", "slug"),
     [
-        (Start(math.pi / 30, 0.0), "π/30", "pi-30"),
-        (Start(2 * math.pi / 15, 0.0), "2π/15", "2pi-15"),
-        (Start(math.pi / 6, 0.3), "π/6 + 0.3 m", "pi-6-0.3m"),
-        (Start(0.1, 0.0), "0.1 rad", "0.1rad"),
-        (Start(0.0, 0.5), "0 rad + 0.5 m", "0rad-0.5m"),
-        (Start(0.0, 0.0), "true pose", "0rad"),
+        (ReportedStart(math.pi / 30, 0.0), "π/30", "pi-30"),
+        (ReportedStart(2 * math.pi / 15, 0.0), "2π/15", "2pi-15"),
+        (ReportedStart(math.pi / 6, 0.3), "π/6 + 0.3 m", "pi-6-0.3m"),
+        (ReportedStart(0.1, 0.0), "0.1 rad", "0.1rad"),
+        (ReportedStart(0.0, 0.5), "0 rad + 0.5 m", "0rad-0.5m"),
+        (ReportedStart(0.0, 0.0), "true pose", "0rad"),
     ],
 )
 def test_starts_are_written_as_people_say_them(start, label, slug):

@@ -16,7 +16,7 @@ if TYPE_CHECKING:
     from rich.table import Table
 
     from hmrf_icp.clouds.cloud import PointCloud
-    from hmrf_icp.loop.icp import Registrar
+    from hmrf_icp.presets import Registrar
     from hmrf_icp.result import RegistrationResult
     from hmrf_icp.se3 import Array
 
@@ -154,7 +154,7 @@ def demo(
         bar.stage("Rendering two depth maps")
         pair = desk_pair(seed, subsample, angle)
         bar.stage("Registering (compiles the first time)", total=most_iterations(method))
-        result = register(pair.source, pair.target, pair.init, method, on_iteration=bar)
+        result = register(pair.source, pair.target, pair.init, preset=method, on_iteration=bar)
         bar.stage("Drawing")
         _draw(pair, result, picture, method)
     error = se3.error(result.transformation, pair.truth)

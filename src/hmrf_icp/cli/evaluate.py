@@ -239,7 +239,7 @@ def _print_standings(folder: Path) -> None:
     from rich.table import Table
 
     from hmrf_icp.evaluate import standings
-    from hmrf_icp.evaluate.report.runs import Start as Named
+    from hmrf_icp.evaluate.report.runs import ReportedStart as Named
 
     found = standings.standings(folder / "results.csv")
     starts = list(dict.fromkeys(start for one in found for start in one.by_start))

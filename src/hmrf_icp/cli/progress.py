@@ -10,7 +10,8 @@ from typing import TYPE_CHECKING
 if TYPE_CHECKING:
     from rich.progress import Progress
 
-    from hmrf_icp.loop.icp import Iteration, Registrar
+    from hmrf_icp.loop.icp import Iteration
+from hmrf_icp.presets import Registrar
 
 
 class StageBar:

@@ -107,7 +107,7 @@ def register(
             f"{', '.join(presets.rejector_names())}.",
         ),
     ] = None,
-    metric: Annotated[
+    aligner: Annotated[
         str | None,
         typer.Option(
             metavar="NAME",
@@ -157,10 +157,8 @@ def register(
     method = presets.preset(preset)
     if rejector is not None:
         presets.rejector(rejector)
-    if metric is not None and metric not in presets.aligner_names():
-        raise InputError(
-            f"--metric: unknown {metric!r}, expected one of {', '.join(presets.aligner_names())}"
-        )
+    if aligner is not None:
+        presets.aligner(aligner)
     _require_positive("--depth-scale", depth_scale, "units per metre")
     _require_positive("--max-depth", max_depth, "metres")
     lens = _lens(camera, intrinsics)
@@ -168,7 +166,7 @@ def register(
     start = None if init is None else read_pose(init)
     _check_outputs(output, figure, [file for file in (source, target, camera, init) if file])
 
-    chosen = {"preset": preset, "rejector": rejector, "metric": metric}
+    chosen = {"preset": preset, "rejector": rejector, "aligner": aligner}
     named = chosen | {"source": source, "target": target}
     result: RegistrationResult | None = None
     written: list[Path] = []
@@ -190,9 +188,9 @@ def register(
                     moving,
                     staying,
                     start,
-                    preset,
-                    rejector=rejector,
-                    aligner=metric,
+                    preset=method,
+                    rejector=None if rejector is None else presets.rejector(rejector),
+                    aligner=None if aligner is None else presets.aligner(aligner),
                     on_iteration=bar,
                 )
             bar.stage("Writing")

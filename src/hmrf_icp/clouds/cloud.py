@@ -5,7 +5,7 @@ from __future__ import annotations
 import math
 from dataclasses import dataclass
 from functools import cached_property
-from typing import Any
+from typing import Any, Protocol, TypeAlias
 
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
@@ -198,7 +198,19 @@ def each(coordinates: NDArray[np.bool_]) -> NDArray[np.bool_]:
     return np.asarray(coordinates[..., 0] & coordinates[..., 1] & coordinates[..., 2])
 
 
-def as_cloud(cloud: Any, name: str = "cloud") -> PointCloud:
+class HasPoints(Protocol):
+    """Anything that holds points, such as Open3D's clouds."""
+
+    @property
+    def points(self) -> Any:
+        """(N, 3) or (H, W, 3), or what NumPy makes that of."""
+
+
+PointCloudLike: TypeAlias = PointCloud | HasPoints | ArrayLike
+"""What is taken for a cloud: one, an array of points, or anything that holds points."""
+
+
+def as_cloud(cloud: PointCloudLike, name: str = "cloud") -> PointCloud:
     """Take anything that holds points: a PointCloud, an array, an object with ``.points``.
 
     Raises
@@ -258,8 +270,8 @@ def some_of(points: NDArray[np.float64], count: int = SAMPLE) -> NDArray[np.floa
 
 def _dimensions(points: NDArray[np.float64], size: float) -> int:
     """0 where all points are the same, 1 where they are on one line, 2 otherwise."""
-    apart = points - points.mean(axis=0)
-    spread = np.linalg.svd(apart.T @ apart / len(points), compute_uv=False)
+    offset = points - points.mean(axis=0)
+    spread = np.linalg.svd(offset.T @ offset / len(points), compute_uv=False)
     if spread[0] <= (1e-9 * size) ** 2:
         return 0
     return 1 if spread[1] <= 1e-12 * spread[0] else 2

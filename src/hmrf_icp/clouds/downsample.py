@@ -3,50 +3,76 @@
 from __future__ import annotations
 
 import math
+from collections.abc import Callable
+from typing import TYPE_CHECKING
 
 import numpy as np
 from numpy.typing import NDArray
 
-from hmrf_icp import kept
 from hmrf_icp.clouds.cloud import PointCloud
-from hmrf_icp.clouds.surface import thinned
-from hmrf_icp.loop.match import tree_of
+
+if TYPE_CHECKING:
+    from pykdtree.kdtree import KDTree
 
 
-def reduced(cloud: PointCloud, most: int) -> PointCloud:
+def downsample(cloud: PointCloud, most: int) -> PointCloud:
     """Thin a cloud out to about ``most`` points; the same cloud where it has no more.
 
     An organised cloud keeps every n-th row and column, so that it stays one;
     any other keeps one point of every cell of a grid of cubes, so that what is
     dense is thinned first.
     """
-    if cloud.organised:
-        step = _step(cloud, most)
-        if step <= 1:
-            return cloud
-        return kept.once(cloud, ("reduced", step), lambda: cloud.subsample(step))
-    if len(cloud) <= most:
+    if step(cloud, most) <= 1:
         return cloud
-    return kept.once(cloud, ("reduced", most), lambda: _one_a_cell(cloud, most))
+    return cloud.subsample(step(cloud, most)) if cloud.organised else _one_a_cell(cloud, most)
 
 
-def standing(cloud: PointCloud, most: int) -> NDArray[np.intp]:
-    """Tell which point of the reduced cloud stands for each observed one of the whole.
+def step(cloud: PointCloud, most: int) -> int:
+    """Keep every so manieth row and column, or, of other clouds, one of so many points."""
+    share = math.prod(cloud.shape) / most if cloud.organised else len(cloud) / most
+    return math.ceil(math.sqrt(share) if cloud.organised else share)
+
+
+def representatives(
+    cloud: PointCloud, few: PointCloud, tree: Callable[[], KDTree]
+) -> NDArray[np.intp]:
+    """Tell which point of a downsampled cloud stands for each observed one of the whole.
+
+    Parameters
+    ----------
+    cloud, few
+        A cloud, and what :func:`downsample` made of it.
+    tree
+        Builds the k-d tree of ``few`` where it is needed.
 
     Returns
     -------
-    (M,) rows of the observed points that ``reduced(cloud, most)`` keeps.
+    (M,) rows of the observed points of ``few``: the kept pixel of the same block, and the
+    nearest point where there is none.
     """
-    few = reduced(cloud, most)
-    if few is cloud:
-        return np.arange(len(cloud))
-    if cloud.organised:
-        return _standing_in_image(cloud, few, _step(cloud, most))
-    return _standing(cloud.observed_points, few)
+    if not cloud.organised:
+        return _nearest(cloud.observed_points, tree())
+    place = np.full(few.shape, -1, dtype=np.intp)
+    place[few.observed] = np.arange(len(few))
+    height, width = cloud.shape
+    by = math.ceil(height / few.shape[0])
+    blocks = place.repeat(by, axis=0)[:height].repeat(by, axis=1)[:, :width]
+    rows = blocks[cloud.observed]
+    lost = rows < 0
+    if lost.any():
+        rows[lost] = _nearest(cloud.observed_points[lost], tree())
+    return rows
 
 
-def _step(cloud: PointCloud, most: int) -> int:
-    return math.ceil(math.sqrt(math.prod(cloud.shape) / most))
+def thinned(points: NDArray[np.float64], edge: float) -> NDArray[np.int64]:
+    """Rows of the points (M, 3) that come first in their cell of ``edge`` metres; all if 0."""
+    if not edge > 0:
+        return np.arange(len(points))
+    cell = np.floor((points - points.min(axis=0)) / edge).astype(np.int64)
+    span = cell.max(axis=0) + 1
+    key = (cell[:, 0] * span[1] + cell[:, 1]) * span[2] + cell[:, 2]
+    _, first = np.unique(key, return_index=True)
+    return np.sort(first)
 
 
 def _one_a_cell(cloud: PointCloud, most: int) -> PointCloud:
@@ -66,20 +92,6 @@ def _edge(points: NDArray[np.float64], most: int) -> float:
     return high
 
 
-def _standing(points: NDArray[np.float64], few: PointCloud) -> NDArray[np.intp]:
-    """Row of the nearest kept point for each of the points (M, 3)."""
-    _, index = tree_of(few).query(points)
+def _nearest(points: NDArray[np.float64], tree: KDTree) -> NDArray[np.intp]:
+    _, index = tree.query(points)
     return np.asarray(index.astype(np.intp))
-
-
-def _standing_in_image(cloud: PointCloud, few: PointCloud, step: int) -> NDArray[np.intp]:
-    """Row of the kept pixel of the same block; of the nearest point where that saw nothing."""
-    place = np.full(few.shape, -1, dtype=np.intp)
-    place[few.observed] = np.arange(len(few))
-    height, width = cloud.shape
-    blocks = place.repeat(step, axis=0)[:height].repeat(step, axis=1)[:, :width]
-    rows = blocks[cloud.observed]
-    lost = rows < 0
-    if lost.any():
-        rows[lost] = _standing(cloud.observed_points[lost], few)
-    return rows

@@ -13,9 +13,8 @@ from dataclasses import dataclass, replace
 import numpy as np
 from numpy.typing import NDArray
 
-from hmrf_icp import kept
 from hmrf_icp.clouds.cloud import PointCloud
-from hmrf_icp.clouds.surface import Surface, surface_of
+from hmrf_icp.clouds.surface import Surface
 
 Array = NDArray[np.float64]
 
@@ -27,7 +26,7 @@ BAND = 4.0
 
 
 @dataclass(frozen=True, eq=False)
-class View:
+class RangeImage:
     """A range image; rows of ``row`` are those of the cloud's observed points.
 
     Attributes
@@ -53,7 +52,7 @@ class View:
     tolerance: Array
     facing: Array
 
-    def wider(self, by: Array) -> View:
+    def wider(self, by: Array) -> RangeImage:
         """Return the same with a tolerance wider by (M,) metres, one entry a point seen."""
         return replace(self, tolerance=self.tolerance + np.where(self.row < 0, 0.0, by[self.row]))
 
@@ -62,11 +61,11 @@ class View:
 
         Returns
         -------
-        (M,) verdicts of :mod:`hmrf_icp.kernels.range_image`.
+        (M,) codes of :mod:`hmrf_icp.kernels.range_image`.
         """
         from hmrf_icp.kernels.range_image import classify
 
-        verdict = np.empty(len(points), dtype=np.uint8)
+        code = np.empty(len(points), dtype=np.uint8)
         classify(
             points,
             normals,
@@ -76,21 +75,25 @@ class View:
             self.row,
             self.tolerance,
             self.facing,
-            verdict,
+            code,
         )
-        return verdict
+        return code
 
 
-def view_of(cloud: PointCloud) -> View | None:
-    """Range image of a cloud from its viewpoint, None where that is not known; once a cloud."""
-    if cloud.viewpoint is None:
-        return None
-    return kept.once(
-        cloud, "view", lambda: _pinhole(cloud) if cloud.camera is not None else _sphere(cloud)
-    )
+def range_image(cloud: PointCloud, surface: Surface) -> RangeImage:
+    """Lay a cloud out as its sensor saw it.
+
+    Parameters
+    ----------
+    cloud
+        Its viewpoint is known; with its camera, the image is the camera's.
+    surface
+        Of the cloud.
+    """
+    return _pinhole(cloud, surface) if cloud.camera is not None else _sphere(cloud, surface)
 
 
-def _pinhole(cloud: PointCloud) -> View:
+def _pinhole(cloud: PointCloud, surface: Surface) -> RangeImage:
     """Lay the cloud out on the pixel grid it came from."""
     camera = cloud.camera
     assert camera is not None
@@ -99,10 +102,9 @@ def _pinhole(cloud: PointCloud) -> View:
     projection[8:17] = np.eye(3).ravel()
     row = np.full(cloud.shape, -1, dtype=np.int32)
     row[cloud.observed] = np.arange(len(cloud), dtype=np.int32)
-    surface = surface_of(cloud)
     footprint = surface.points[:, 2] / min(camera.fx, camera.fy)
     tolerance = _tolerance(surface, np.zeros(3), footprint)
-    return View(
+    return RangeImage(
         projection=projection,
         depth=cloud.points[..., 2],
         row=row,
@@ -111,14 +113,13 @@ def _pinhole(cloud: PointCloud) -> View:
     )
 
 
-def _sphere(cloud: PointCloud) -> View:
+def _sphere(cloud: PointCloud, surface: Surface) -> RangeImage:
     """Range image over azimuth and elevation, about as many pixels as the cloud fills.
 
     The pole is the axis along which the rays spread least: the axis of a
     spinning LiDAR however it is mounted.
     """
     assert cloud.viewpoint is not None
-    surface = surface_of(cloud)
     offset = surface.points - cloud.viewpoint
     reach = np.linalg.norm(offset, axis=1)
     rays = offset / np.maximum(reach, 1e-300)[:, None]
@@ -151,7 +152,7 @@ def _sphere(cloud: PointCloud) -> View:
     projection[:5] = (SPHERE, per_radian, per_radian, 0.5 * width - 0.5, -low * per_radian)
     projection[5:8] = cloud.viewpoint
     projection[8:17] = axes.ravel()
-    return View(projection, depth, row, tolerance, surface.normals)
+    return RangeImage(projection, depth, row, tolerance, surface.normals)
 
 
 def _tolerance(surface: Surface, viewpoint: Array, footprint: Array) -> Array:

@@ -2,15 +2,19 @@
 
 from __future__ import annotations
 
+from collections.abc import Callable
 from dataclasses import dataclass
 from functools import cached_property
+from typing import TYPE_CHECKING
 
 import numpy as np
 from numpy.typing import NDArray
 
-from hmrf_icp import kept
 from hmrf_icp.clouds.cloud import PointCloud
-from hmrf_icp.loop.match import tree_of
+from hmrf_icp.clouds.downsample import thinned
+
+if TYPE_CHECKING:
+    from pykdtree.kdtree import KDTree
 
 Array = NDArray[np.float64]
 
@@ -84,18 +88,23 @@ class Surface:
         return float(np.sqrt(weight @ ((self.points - centre) ** 2).sum(axis=1)))
 
 
-def surface_of(cloud: PointCloud) -> Surface:
-    """Fit a plane to the neighbours of every point; done once a cloud.
+def surface(cloud: PointCloud, tree: Callable[[], KDTree]) -> Surface:
+    """Fit a plane to the neighbours of every point.
 
     An organised cloud has its neighbours in a window of the image, those left
     out that stand behind a jump in depth; any other has them from a k-d tree.
     The noise is what the fits leave over, as a power of the distance from the
     sensor (a structured-light camera's grows with its square, a LiDAR's
     hardly), by least squares over the whole cloud.
+
+    Parameters
+    ----------
+    cloud
+        The points.
+    tree
+        Builds the k-d tree of its observed points where it is needed.
     """
-    return kept.once(
-        cloud, "surface", lambda: _organised(cloud) if cloud.organised else _unorganised(cloud)
-    )
+    return _organised(cloud) if cloud.organised else _unorganised(cloud, tree())
 
 
 def _organised(cloud: PointCloud) -> Surface:
@@ -127,13 +136,13 @@ def _angular_step(points: Array, reach: Array) -> float:
     return float(np.median(both)) if both.size else 1.0
 
 
-def _unorganised(cloud: PointCloud) -> Surface:
+def _unorganised(cloud: PointCloud, tree: KDTree) -> Surface:
     from pykdtree.kdtree import KDTree
 
     from hmrf_icp.kernels.surface import fit_neighbours
 
     points = cloud.observed_points
-    nearest, _ = tree_of(cloud).query(points, k=2)
+    nearest, _ = tree.query(points, k=2)
     thin = thinned(points, THINNING * float(np.median(nearest[:, 1])))
     count = min(NEIGHBOURS, len(thin))
     distance, index = KDTree(points[thin]).query(points, k=count)
@@ -156,17 +165,6 @@ def _unorganised(cloud: PointCloud) -> Surface:
     )
 
 
-def thinned(points: Array, edge: float) -> NDArray[np.int64]:
-    """Rows of the points (M, 3) that come first in their cell of ``edge`` metres; all if 0."""
-    if not edge > 0:
-        return np.arange(len(points))
-    cell = np.floor((points - points.min(axis=0)) / edge).astype(np.int64)
-    span = cell.max(axis=0) + 1
-    key = (cell[:, 0] * span[1] + cell[:, 1]) * span[2] + cell[:, 2]
-    _, first = np.unique(key, return_index=True)
-    return np.sort(first)
-
-
 def _noise(reach: Array, residual: Array, spacing: Array) -> Array:
     """Noise of each point, metres: a power of its distance from the sensor, robustly fitted.
 
@@ -186,3 +184,18 @@ def _noise(reach: Array, residual: Array, spacing: Array) -> Array:
     power = min(max(power, 0.0), 2.5)
     scale = np.median(left - power * at)
     return np.asarray(np.maximum(np.exp(scale) * np.maximum(reach, 1e-300) ** power, floor))
+
+
+def evenly(surface: Surface, count: int) -> NDArray[np.intp]:
+    """Rows of about ``count`` points with normals that each stand for the same area.
+
+    Every time the area summed along the cloud passes the middle of another share, the
+    point is taken: no chance is involved, and near surfaces count no more than far ones.
+    """
+    rows = np.flatnonzero((surface.normals != 0.0).any(axis=1))
+    if len(rows) <= count:
+        return rows
+    # A few points that stand for far more than their share would be taken once only.
+    area = np.minimum(surface.area[rows], 20.0 * np.median(surface.area[rows]))
+    passed = np.floor(np.cumsum(area) * (count / area.sum()) + 0.5)
+    return np.asarray(rows[np.diff(passed, prepend=0.0) > 0])

@@ -2,7 +2,7 @@
 
 from hmrf_icp.evaluate.configuration import Configuration
 from hmrf_icp.evaluate.evaluation import Evaluation, evaluate
-from hmrf_icp.evaluate.methods import Method, Outcome
+from hmrf_icp.evaluate.methods import Estimate, NamedMethod
 from hmrf_icp.evaluate.protocol import Start
 
-__all__ = ["Configuration", "Evaluation", "Method", "Outcome", "Start", "evaluate"]
+__all__ = ["Configuration", "Estimate", "Evaluation", "NamedMethod", "Start", "evaluate"]

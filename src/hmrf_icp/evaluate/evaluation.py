@@ -16,7 +16,7 @@ from hmrf_icp.errors import InputError
 from hmrf_icp.evaluate import configuration as config
 from hmrf_icp.evaluate import methods, peers, protocol, work
 from hmrf_icp.evaluate.configuration import Configuration
-from hmrf_icp.evaluate.methods import Method
+from hmrf_icp.evaluate.methods import NamedMethod
 from hmrf_icp.evaluate.plan import Plan
 from hmrf_icp.evaluate.progress import IN_BYTES, REGISTERING, Progress, silent
 from hmrf_icp.evaluate.protocol import Pair
@@ -56,7 +56,7 @@ def evaluate(
     workers: int | None = None,
     scheduler: str | None = None,
     fresh: bool = False,
-    extra_methods: Sequence[Method] = (),
+    extra_methods: Sequence[NamedMethod] = (),
     about: Mapping[str, Any] | None = None,
     on_progress: Progress | None = None,
     on_note: Callable[[str], None] | None = None,
@@ -152,7 +152,7 @@ def _run(
     clouds: work.Clouds,
     plan: Plan,
     results: Results,
-    extra: tuple[Method, ...],
+    extra: tuple[NamedMethod, ...],
     workers: Workers,
     report: Progress,
 ) -> None:

@@ -16,7 +16,7 @@ PAPER_METHODS = ("hmrf", "all", "percent", "sigma", "x84", "dynamic")
 
 
 @dataclass(frozen=True)
-class Outcome:
+class Estimate:
     """What a registration says of itself.
 
     Parameters
@@ -42,7 +42,7 @@ class Outcome:
 
 
 @dataclass(frozen=True)
-class Method:
+class NamedMethod:
     """A registration method under a name.
 
     Parameters
@@ -55,7 +55,7 @@ class Method:
     """
 
     name: str
-    register: Callable[[Prepared, Prepared, NDArray[np.float64]], Outcome]
+    register: Callable[[Prepared, Prepared, NDArray[np.float64]], Estimate]
 
     @property
     def family(self) -> str:
@@ -63,25 +63,31 @@ class Method:
         return self.name.partition("@")[0]
 
 
-def _own(name: str, preset: str, rejector: str | None) -> Method:
-    def register(source: Prepared, target: Prepared, init: NDArray[np.float64]) -> Outcome:
+def _own(name: str, preset: str, rejector: str | None) -> NamedMethod:
+    def register(source: Prepared, target: Prepared, init: NDArray[np.float64]) -> Estimate:
         import hmrf_icp
+        from hmrf_icp import presets
 
-        result = hmrf_icp.register(source.cloud, target.cloud, init, preset, rejector=rejector)
-        confidence = getattr(result, "confidence", None)
-        return Outcome(
+        result = hmrf_icp.register(
+            source.cloud,
+            target.cloud,
+            init,
+            preset=presets.preset(preset),
+            rejector=None if rejector is None else presets.rejector(rejector),
+        )
+        return Estimate(
             transformation=result.transformation,
             iterations=result.iterations,
             em_iterations=result.em_iterations,
             converged=result.converged,
-            confidence=None if confidence is None else float(confidence),
+            confidence=result.confidence,
             fitness=result.overlap,
         )
 
-    return Method(name, register)
+    return NamedMethod(name, register)
 
 
-def own_methods() -> dict[str, Method]:
+def own_methods() -> dict[str, NamedMethod]:
     """Return the package's own by name: the six of the paper, then its other presets."""
     from hmrf_icp import presets
 
@@ -93,7 +99,7 @@ def own_methods() -> dict[str, Method]:
     return methods
 
 
-def choose(names: Iterable[str] | None) -> tuple[Method, ...]:
+def choose(names: Iterable[str] | None) -> tuple[NamedMethod, ...]:
     """Find the package's methods of these names, in the order of the catalogue.
 
     Parameters

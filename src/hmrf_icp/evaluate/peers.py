@@ -1,4 +1,4 @@
-"""Today's alternatives, each as a :class:`Method`: same points, same start, one thread.
+"""Today's alternatives, each as a :class:`NamedMethod`: same points, same start, one thread.
 
 A library that is not installed is left out with a sentence saying so. What a
 peer derives from one cloud (k-d tree, normals, covariances) is kept with the
@@ -17,11 +17,11 @@ from numpy.typing import NDArray
 
 from hmrf_icp import se3
 from hmrf_icp.errors import InputError
-from hmrf_icp.evaluate.methods import Method, Outcome
+from hmrf_icp.evaluate.methods import Estimate, NamedMethod
 from hmrf_icp.evaluate.prepared import Prepared
 
 Array = NDArray[np.float64]
-Register: TypeAlias = Callable[[Prepared, Prepared, Array], Outcome]
+Register: TypeAlias = Callable[[Prepared, Prepared, Array], Estimate]
 
 THRESHOLDS = (0.05, 0.1, 0.2, 0.4, 0.8)
 """Distances in metres that a peer which wants one is run at, each as a method of its own."""
@@ -57,12 +57,12 @@ class Family:
         """What it needs and is not installed."""
         return tuple(library for library in self.libraries if find_spec(library) is None)
 
-    def methods(self) -> tuple[Method, ...]:
+    def methods(self) -> tuple[NamedMethod, ...]:
         """Return one method a threshold."""
         if not self.thresholds:
-            return (Method(self.name, self.build(0.0)),)
+            return (NamedMethod(self.name, self.build(0.0)),)
         return tuple(
-            Method(f"{self.name}@{metres:g}", self.build(metres)) for metres in self.thresholds
+            NamedMethod(f"{self.name}@{metres:g}", self.build(metres)) for metres in self.thresholds
         )
 
 
@@ -84,7 +84,7 @@ def _open3d_cloud(cloud: Prepared) -> Any:
     return cloud.derived("open3d", build)
 
 
-def _open3d(source: Prepared, target: Prepared, init: Array, reach: float, metric: str) -> Outcome:
+def _open3d(source: Prepared, target: Prepared, init: Array, reach: float, metric: str) -> Estimate:
     import open3d as o3d
 
     pipeline: Any = o3d.pipelines.registration
@@ -98,7 +98,7 @@ def _open3d(source: Prepared, target: Prepared, init: Array, reach: float, metri
     return _align(_open3d_cloud(source), _open3d_cloud(target), init, furthest, estimation)
 
 
-def _open3d_multiscale(source: Prepared, target: Prepared, init: Array, reach: float) -> Outcome:
+def _open3d_multiscale(source: Prepared, target: Prepared, init: Array, reach: float) -> Estimate:
     """Go from voxels of the threshold and four times its reach to all points and its own.
 
     Scale by scale with the same function as the others: Open3D's own
@@ -108,7 +108,7 @@ def _open3d_multiscale(source: Prepared, target: Prepared, init: Array, reach: f
     import open3d as o3d
 
     pipeline: Any = o3d.pipelines.registration
-    outcome = Outcome(init)
+    outcome = Estimate(init)
     for voxel, furthest in ((reach, 4 * reach), (reach / 2, 2 * reach), (0.0, reach)):
         outcome = _align(
             _open3d_thinned(source, voxel),
@@ -127,7 +127,7 @@ def _open3d_thinned(cloud: Prepared, voxel: float) -> Any:
     return cloud.derived(("open3d", voxel), lambda: whole.voxel_down_sample(voxel))
 
 
-def _align(source: Any, target: Any, init: Array, furthest: float, estimation: Any) -> Outcome:
+def _align(source: Any, target: Any, init: Array, furthest: float, estimation: Any) -> Estimate:
     import open3d as o3d
 
     pipeline: Any = o3d.pipelines.registration
@@ -141,7 +141,7 @@ def _align(source: Any, target: Any, init: Array, furthest: float, estimation: A
             estimation,
             pipeline.ICPConvergenceCriteria(max_iteration=MAX_ITERATIONS),
         )
-    return Outcome(np.array(result.transformation), fitness=float(result.fitness))
+    return Estimate(np.array(result.transformation), fitness=float(result.fitness))
 
 
 # --- small_gicp -------------------------------------------------------------------------------
@@ -159,7 +159,7 @@ def _gicp_cloud(cloud: Prepared) -> tuple[Any, Any]:
     return cloud.derived("small_gicp", build)
 
 
-def gicp(source: Prepared, target: Prepared, init: Array, reaches: Iterable[float]) -> Outcome:
+def gicp(source: Prepared, target: Prepared, init: Array, reaches: Iterable[float]) -> Estimate:
     """Run small_gicp's GICP at each distance in turn, one starting where the last ended."""
     import small_gicp
 
@@ -180,7 +180,7 @@ def gicp(source: Prepared, target: Prepared, init: Array, reaches: Iterable[floa
         pose = np.array(result.T_target_source)
         # It counts from zero: an alignment that stops after its first step reports 0.
         iterations += int(result.iterations) + 1
-    return Outcome(
+    return Estimate(
         pose,
         iterations=iterations,
         converged=bool(result.converged),
@@ -191,7 +191,7 @@ def gicp(source: Prepared, target: Prepared, init: Array, reaches: Iterable[floa
 # --- Fast and Robust ICP ----------------------------------------------------------------------
 
 
-def _fricp(source: Prepared, target: Prepared, init: Array, metric: str) -> Outcome:
+def _fricp(source: Prepared, target: Prepared, init: Array, metric: str) -> Estimate:
     """Run it as its package is set, which is for partial overlap.
 
     Its authors' own settings (a first scale three times the median residual)
@@ -211,7 +211,7 @@ def _fricp(source: Prepared, target: Prepared, init: Array, metric: str) -> Outc
         estimation_method=metric,
         num_threads=1,
     )
-    return Outcome(
+    return Estimate(
         np.array(result.transformation),
         iterations=int(result.robust_info["num_iterations"]),
         fitness=float(result.fitness),
@@ -221,10 +221,10 @@ def _fricp(source: Prepared, target: Prepared, init: Array, metric: str) -> Outc
 # --- KISS-Matcher -----------------------------------------------------------------------------
 
 
-def _kiss_gicp(source: Prepared, target: Prepared, reach: float) -> Outcome:
+def _kiss_gicp(source: Prepared, target: Prepared, reach: float) -> Estimate:
     """Match descriptors on voxels of half the threshold, then refine; the start is not used."""
 
-    def both() -> Outcome | None:
+    def both() -> Estimate | None:
         import kiss_matcher
 
         matcher = kiss_matcher.KISSMatcher(kiss_matcher.KISSMatcherConfig(voxel_size=reach / 2))
@@ -256,15 +256,15 @@ FAMILIES = (
 )
 
 
-def _bind(function: Callable[..., Outcome], *settings: Any) -> Register:
-    def register(source: Prepared, target: Prepared, init: Array) -> Outcome:
+def _bind(function: Callable[..., Estimate], *settings: Any) -> Register:
+    def register(source: Prepared, target: Prepared, init: Array) -> Estimate:
         return function(source, target, init, *settings)
 
     return register
 
 
 def _kiss(reach: float) -> Register:
-    def register(source: Prepared, target: Prepared, init: Array) -> Outcome:  # noqa: ARG001
+    def register(source: Prepared, target: Prepared, init: Array) -> Estimate:  # noqa: ARG001
         return _kiss_gicp(source, target, reach)
 
     return register
@@ -274,7 +274,7 @@ START_FREE = ("kiss-gicp",)
 """Families that do not look at the start."""
 
 
-def catalogue() -> dict[str, Method]:
+def catalogue() -> dict[str, NamedMethod]:
     """Return every peer at every threshold by name, installed or not."""
     return {method.name: method for family in FAMILIES for method in family.methods()}
 
@@ -283,7 +283,7 @@ def catalogue() -> dict[str, Method]:
 class Choice:
     """The peers to run, and a sentence for each that is not installed."""
 
-    methods: tuple[Method, ...]
+    methods: tuple[NamedMethod, ...]
     skipped: tuple[str, ...]
 
 
@@ -309,7 +309,7 @@ def choose(names: Iterable[str] | None) -> Choice:
             f"peers: no peer is called {', '.join(unknown)}; known are {', '.join(families)}, "
             f"and one threshold of those that want one, as in gicp@{THRESHOLDS[0]:g}"
         )
-    chosen: list[Method] = []
+    chosen: list[NamedMethod] = []
     skipped = []
     for family in FAMILIES:
         mine = [m for m in family.methods() if {m.name, family.name} & wanted]

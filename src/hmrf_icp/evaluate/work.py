@@ -22,12 +22,11 @@ from hmrf_icp.clouds.cloud import MINIMUM_POINTS
 from hmrf_icp.datasets import Frame
 from hmrf_icp.errors import RegistrationWarning
 from hmrf_icp.evaluate import methods, peers, protocol
-from hmrf_icp.evaluate.methods import Method
+from hmrf_icp.evaluate.methods import NamedMethod
 from hmrf_icp.evaluate.plan import Run
-from hmrf_icp.evaluate.prepared import Prepared
+from hmrf_icp.evaluate.prepared import Prepared, timed
 from hmrf_icp.evaluate.protocol import Axes
 from hmrf_icp.evaluate.results import Row
-from hmrf_icp.kept import timed
 
 CLOUDS_KEPT = 4
 """Clouds that a worker keeps at least: a pair, the next pair's source, and one to spare."""
@@ -167,7 +166,7 @@ class RunTask:
     axes: int
     seed: int
     runs: tuple[Run, ...]
-    extra: tuple[Method, ...] = ()
+    extra: tuple[NamedMethod, ...] = ()
 
     def split(self) -> tuple[RunTask, ...]:
         """Return tasks of one run each."""
@@ -187,12 +186,17 @@ def do_runs(task: RunTask) -> list[Row]:
     return [_row(run, known[run.method], source, target, truth, axes) for run in task.runs]
 
 
-def _catalogue() -> dict[str, Method]:
+def _catalogue() -> dict[str, NamedMethod]:
     return {**methods.own_methods(), **peers.catalogue()}
 
 
 def _row(
-    run: Run, method: Method, source: Prepared, target: Prepared, truth: protocol.Array, axes: Axes
+    run: Run,
+    method: NamedMethod,
+    source: Prepared,
+    target: Prepared,
+    truth: protocol.Array,
+    axes: Axes,
 ) -> Row:
     begun = time.perf_counter()
     try:
@@ -235,7 +239,7 @@ _warm_families: set[str] = set()
 _warming = threading.Lock()
 
 
-def _warm(method: Method, source: Prepared, target: Prepared, init: protocol.Array) -> None:
+def _warm(method: NamedMethod, source: Prepared, target: Prepared, init: protocol.Array) -> None:
     """Let a method import, compile and start up on small clouds before its time is taken.
 
     Libraries that look for the number of cores (TBB, in Open3D and

@@ -58,8 +58,8 @@ class Schedule:
 
 
 @dataclass(frozen=True)
-class Prior:
-    """Prior of a label given its neighbours: P(+1) = 1 / (1 + exp(-2 beta s - log_odds)).
+class BetaPrior:
+    """BetaPrior of a label given its neighbours: P(+1) = 1 / (1 + exp(-2 beta s - log_odds)).
 
     Attributes
     ----------
@@ -73,7 +73,7 @@ class Prior:
     log_odds: float = 0.0
 
 
-def pseudo_likelihood(z: Array, sums: Array, prior: Prior) -> float:
+def pseudo_likelihood(z: Array, sums: Array, prior: BetaPrior) -> float:
     """Log-pseudo-likelihood of expected labels, a point (Besag 1975).
 
     Parameters
@@ -92,13 +92,13 @@ def pseudo_likelihood(z: Array, sums: Array, prior: Prior) -> float:
 def most_likely(
     z: Array,
     sums: Array,
-    start: Prior,
+    start: BetaPrior,
     *,
     learn_beta: bool = True,
     learn_share: bool = True,
     largest: float = LARGEST,
     share_floor: float = 0.01,
-) -> Prior:
+) -> BetaPrior:
     """Maximise the pseudo-likelihood over beta, over the shared log-odds, or over both.
 
     The pseudo-likelihood is that of a logistic regression of each label on its
@@ -125,7 +125,7 @@ def most_likely(
     learnt = np.array([learn_beta, learn_share])
     at = np.array([start.beta, start.log_odds])
     at = np.where(learnt, np.clip(at, low, high), at)
-    best = pseudo_likelihood(z, sums, Prior(*at))
+    best = pseudo_likelihood(z, sums, BetaPrior(*at))
     inputs = np.stack([2.0 * sums, np.ones_like(sums)])
     for _ in range(NEWTON_STEPS):
         half = np.tanh(0.5 * (at @ inputs))
@@ -141,7 +141,7 @@ def most_likely(
         step[free] = np.linalg.solve(damped, gradient[free])
         for _ in range(NEWTON_STEPS):
             tried = np.where(learnt, np.clip(at + step, low, high), at)
-            likelihood = pseudo_likelihood(z, sums, Prior(*tried))
+            likelihood = pseudo_likelihood(z, sums, BetaPrior(*tried))
             if likelihood >= best:
                 break
             step = 0.5 * step
@@ -150,4 +150,4 @@ def most_likely(
         gained, best, at = likelihood - best, likelihood, tried
         if gained < 1e-10:
             break
-    return Prior(float(at[0]), float(at[1]))
+    return BetaPrior(float(at[0]), float(at[1]))

@@ -15,11 +15,10 @@ from typing import Literal
 import numpy as np
 from numpy.typing import NDArray
 
-from hmrf_icp import kept
-from hmrf_icp.clouds.cloud import PointCloud, some_of
+from hmrf_icp.clouds.prepared import PreparedCloud
 from hmrf_icp.errors import InputError
 from hmrf_icp.field import mixture
-from hmrf_icp.field.beta import LARGEST, Prior, Schedule, most_likely
+from hmrf_icp.field.beta import LARGEST, BetaPrior, Schedule, most_likely
 from hmrf_icp.field.graph import (
     NeighbourGraph,
     Neighbours,
@@ -29,7 +28,7 @@ from hmrf_icp.field.graph import (
     ring_graph,
 )
 from hmrf_icp.field.residuals import Residual, residual
-from hmrf_icp.loop.match import Matches, tree_of
+from hmrf_icp.loop.match import Matches
 from hmrf_icp.loop.reject import Labels, Reject
 
 Array = NDArray[np.float64]
@@ -39,9 +38,6 @@ CHOOSING = (0, 1, 4, 16, 64)
 
 PRIOR_SAMPLE = 5000
 """About so many points, evenly chosen, tell what there is to learn of the prior."""
-
-SPACING_SAMPLE = 2000
-"""Target points whose distance to the next one is measured for the scale floor."""
 
 EVIDENT = 30
 """Points that the evidence must leave at least to be the first inliers."""
@@ -72,7 +68,7 @@ class MarkovField:
     update
         ``"simultaneous"`` (the paper) or ``"sequential"`` (Celeux, Forbes and Peyrard 2003).
     share
-        Prior share of inliers that the neighbours aside would leave: a number in
+        BetaPrior share of inliers that the neighbours aside would leave: a number in
         (0, 1), 0.5 being the paper's none, or ``"learn"``.
     initial
         Share of the points that start as inliers: the nearest of those that no evidence
@@ -143,7 +139,7 @@ class MarkovField:
         if not 0.0 < self.share_floor < 0.5:
             raise InputError(f"share_floor: expected a share in (0, 0.5), got {self.share_floor}")
 
-    def prepare(self, source: PointCloud, target: PointCloud) -> Reject:
+    def prepare(self, source: PreparedCloud, target: PreparedCloud) -> Reject:
         """Lay out the neighbours of the source, and measure the spacing of the target.
 
         Raises
@@ -154,7 +150,7 @@ class MarkovField:
         return _Em(
             self,
             neighbours_of(source, self.neighbours),
-            self.scale_floor * spacing(target) if self.scale_floor > 0 else 0.0,
+            self.scale_floor * target.neighbour_distance,
         )
 
 
@@ -162,7 +158,7 @@ _NEIGHBOURS = ("auto", "grid", "nearest", "ring")
 
 
 def neighbours_of(
-    source: PointCloud,
+    source: PreparedCloud,
     kind: Literal["auto", "grid", "nearest", "ring"] | NeighbourGraph | PixelGrid = "auto",
 ) -> Neighbours:
     """Find the neighbours of a cloud's observed points.
@@ -178,37 +174,22 @@ def neighbours_of(
                 f"neighbours: a graph of {kind.size} points for a source of {len(source)} observed"
             )
         return kind
-    if kind == "nearest" or (kind == "auto" and not source.organised):
-        return nearest_graph(source.observed_points)
-    if not source.organised:
+    if kind == "nearest" or (kind == "auto" and not source.cloud.organised):
+        return nearest_graph(source.points)
+    if not source.cloud.organised:
         raise InputError(
             f"source: {kind!r} neighbours need a cloud organised as an image, (H, W, 3), "
-            f'got {source!r}; neighbours="nearest" takes any'
+            f'got {source.cloud!r}; neighbours="nearest" takes any'
         )
-    return ring_graph(source.observed) if kind == "ring" else PixelGrid(source.observed)
-
-
-def spacing(cloud: PointCloud, sample: int = SPACING_SAMPLE) -> float:
-    """Median distance of a cloud's points to their nearest other point, metres; once a cloud.
-
-    Of at most ``sample`` of them, evenly chosen.
-    """
-    points = cloud.observed_points
-
-    def measure() -> float:
-        some = np.ascontiguousarray(some_of(points, sample))
-        distance, _ = tree_of(cloud).query(some, k=2)
-        return float(np.median(distance[:, 1]))
-
-    return kept.once(cloud, ("spacing", sample), measure) if len(points) > 1 else 0.0
+    return ring_graph(source.cloud.observed) if kind == "ring" else PixelGrid(source.cloud.observed)
 
 
 def initial_labels(matches: Matches, share: float) -> Array:
     """Return z^(0): +1 for the nearest ``share`` of those the evidence does not speak against."""
     y = matches.distance
     open_to_it = np.ones(y.size, dtype=np.bool_)
-    if matches.evidence is not None:
-        allowed = matches.evidence >= 0
+    if matches.label_log_odds is not None:
+        allowed = matches.label_log_odds >= 0
         if np.count_nonzero(allowed) >= EVIDENT:
             open_to_it = allowed
     near = y <= np.percentile(y[open_to_it], 100.0 * share)
@@ -237,9 +218,9 @@ class _Em:
         else:
             iteration, steps = int(before.parameters.get("iteration", 0.0)) + 1, model.steps
             z = before.z
-        evidence = np.zeros_like(y) if matches.evidence is None else matches.evidence
+        evidence = np.zeros_like(y) if matches.label_log_odds is None else matches.label_log_odds
         if np.isnan(evidence).any():
-            raise InputError("evidence: expected log-odds without NaN; 0 says nothing")
+            raise InputError("label_log_odds: expected log-odds without NaN; 0 says nothing")
 
         inlier, outlier = self._kinds(y, iteration)
         everything = np.ones_like(y)
@@ -274,17 +255,17 @@ class _Em:
             self._chosen = best.inlier, best.outlier
         return self._chosen
 
-    def _first_prior(self, iteration: int) -> Prior:
+    def _first_prior(self, iteration: int) -> BetaPrior:
         """Give the prior that does not depend on labels yet."""
         beta, share = self._model.beta, self._model.share
         if isinstance(beta, Schedule):
             beta = beta.at(iteration)
-        return Prior(
+        return BetaPrior(
             0.0 if isinstance(beta, str) else float(beta),
             0.0 if isinstance(share, str) else math.log(share / (1.0 - share)),
         )
 
-    def _prior(self, prior: Prior, z: Array) -> Prior:
+    def _prior(self, prior: BetaPrior, z: Array) -> BetaPrior:
         """M-step of the prior: what is to be learnt of it, by maximum pseudo-likelihood."""
         learn_beta, learn_share = self._model.beta == "estimate", self._model.share == "learn"
         if not (learn_beta or learn_share):
@@ -302,7 +283,7 @@ class _Em:
 
     @staticmethod
     def _report(
-        inlier: Residual, outlier: Residual, prior: Prior, iteration: int
+        inlier: Residual, outlier: Residual, prior: BetaPrior, iteration: int
     ) -> MappingProxyType[str, float]:
         """Say what was learnt: lengths in metres; beta, share and shapes without a unit."""
         learnt = {f"inlier_{k}": v for k, v in inlier.parameters.items()}

@@ -15,7 +15,7 @@ from typing import Literal, NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
-from hmrf_icp.clouds.cloud import PointCloud
+from hmrf_icp.clouds.prepared import PreparedCloud
 from hmrf_icp.errors import InputError
 from hmrf_icp.loop.match import Matches
 from hmrf_icp.loop.reject import Labels, Reject
@@ -87,7 +87,7 @@ class HiddenMarkovRandomField:
         if self.precision not in ("double", "single"):
             raise InputError(f'precision: expected "double" or "single", got {self.precision!r}')
 
-    def prepare(self, source: PointCloud, target: PointCloud) -> Reject:
+    def prepare(self, source: PreparedCloud, target: PreparedCloud) -> Reject:
         """Lay out the grid of the source.
 
         Raises
@@ -95,12 +95,13 @@ class HiddenMarkovRandomField:
         InputError
             The source is not organised: the paper's neighbours are pixels.
         """
-        if not source.organised:
+        if not source.cloud.organised:
             raise InputError(
                 "source: the paper's random field needs a cloud organised as an image, (H, W, 3), "
-                f"got {source!r}; make it with PointCloud.from_depth, or choose another rejector"
+                f"got {source.cloud!r}; make it with PointCloud.from_depth, or choose another "
+                "rejector"
             )
-        grid = Grid(source.observed, self.precision)
+        grid = Grid(source.cloud.observed, self.precision)
 
         def reject(matches: Matches, before: Labels | None) -> Labels:
             y = matches.distance

@@ -11,6 +11,7 @@ from numpy.typing import ArrayLike
 
 from hmrf_icp import presets, se3
 from hmrf_icp.clouds.cloud import PointCloud
+from hmrf_icp.clouds.prepared import PreparedCloud
 from hmrf_icp.errors import InputError
 from hmrf_icp.figures.oblique import Patches, bounds, draw, lit, viewing_frame
 from hmrf_icp.loop.placed import Placed
@@ -22,7 +23,7 @@ if TYPE_CHECKING:
     from matplotlib.cm import ScalarMappable
     from matplotlib.figure import Figure
 
-    from hmrf_icp.loop.icp import Registrar
+    from hmrf_icp.presets import Registrar
 
 DPI = 150
 POINTS_DRAWN = 40_000
@@ -85,13 +86,14 @@ def field_before_first_step(
         The start is not a rigid motion, the preset is unknown, or it cannot do
         with this source.
     """
+    prepared = PreparedCloud(source), PreparedCloud(target)
     method: Any = presets.preset(preset) if isinstance(preset, str) else preset
     method = getattr(method, "method", method)  # the loop within, where there is more round it
     placed = Placed.at(se3.as_rigid(init), source.observed_points)
-    matches = method.match.prepare(source, target)(placed)
-    last = first = method.reject.prepare(source, target)(matches, None)
+    matches = method.match.prepare(*prepared)(placed)
+    last = first = method.reject.prepare(*prepared)(matches, None)
     if hasattr(method.reject, "first_steps") and last.em_iterations > 1:
-        first = replace(method.reject, first_steps=1).prepare(source, target)(matches, None)
+        first = replace(method.reject, first_steps=1).prepare(*prepared)(matches, None)
     return InlierField(
         source.on_grid(matches.distance),
         source.on_grid(first.z),

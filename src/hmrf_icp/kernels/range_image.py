@@ -59,7 +59,7 @@ def classify(
     row: Any,
     tolerance: Any,
     facing: Any,
-    verdict: Any,
+    code: Any,
 ) -> None:
     """Write what a view says of each point (M, 3), moved by pose (4, 4) into its frame.
 
@@ -74,7 +74,7 @@ def classify(
         y = pose[1, 0] * points[k, 0] + pose[1, 1] * points[k, 1] + pose[1, 2] * points[k, 2]
         z = pose[2, 0] * points[k, 0] + pose[2, 1] * points[k, 1] + pose[2, 2] * points[k, 2]
         v, u, reach = project(projection, x + pose[0, 3], y + pose[1, 3], z + pose[2, 3])
-        verdict[k] = OUTSIDE
+        code[k] = OUTSIDE
         i, j = math.floor(v + 0.5), math.floor(u + 0.5)
         if reach <= 0.0 or i < 0 or i >= height or ((j < 0 or j >= width) and not wraps):
             continue
@@ -99,12 +99,12 @@ def classify(
                     cosine = max(cosine, c)
         j = j % width if wraps else j
         if cosine > FACING:
-            verdict[k] = AGREE
+            code[k] = AGREE
         elif cosine > -2.0:
-            verdict[k] = OTHER
+            code[k] = OTHER
         elif row[i, j] < 0:
-            verdict[k] = OUTSIDE
+            code[k] = OUTSIDE
         elif reach < near:
-            verdict[k] = FRONT
+            code[k] = FRONT
         elif reach > far:
-            verdict[k] = BEHIND
+            code[k] = BEHIND

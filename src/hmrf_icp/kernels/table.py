@@ -14,7 +14,7 @@ from hmrf_icp.kernels.compiled import njit
 
 
 @njit(nogil=True, error_model="numpy")
-def closest(points: Any, k: int, x: float, y: float, z: float) -> float:
+def squared_distance(points: Any, k: int, x: float, y: float, z: float) -> float:
     """Square of the distance of point k to (x, y, z)."""
     return (points[k, 0] - x) ** 2 + (points[k, 1] - y) ** 2 + (points[k, 2] - z) ** 2
 
@@ -30,7 +30,7 @@ def build(points: Any, corner: Any, edge: float, shape: Any) -> Any:
     nx, ny, nz = shape
     table = np.full((nx, ny, nz), -1, np.int32)
     fill(points, corner, edge, table)
-    apart = np.where(table < 0, np.float32(np.inf), np.float32(0.0))
+    squared = np.where(table < 0, np.float32(np.inf), np.float32(0.0))
     longest = max(nx, ny, nz)
     lowest = np.empty(longest, np.int64)
     begins = np.empty(longest)
@@ -38,13 +38,13 @@ def build(points: Any, corner: Any, edge: float, shape: Any) -> Any:
     height = np.empty(longest, np.float32)
     for a in range(nx):
         for b in range(ny):
-            spread(table[a, b], apart[a, b], lowest, begins, line, height)
+            spread(table[a, b], squared[a, b], lowest, begins, line, height)
     for a in range(nx):
         for c in range(nz):
-            spread(table[a, :, c], apart[a, :, c], lowest, begins, line, height)
+            spread(table[a, :, c], squared[a, :, c], lowest, begins, line, height)
     for b in range(ny):
         for c in range(nz):
-            spread(table[:, b, c], apart[:, b, c], lowest, begins, line, height)
+            spread(table[:, b, c], squared[:, b, c], lowest, begins, line, height)
     compare(points, corner, edge, table)
     return table
 
@@ -60,20 +60,22 @@ def fill(points: Any, corner: Any, edge: float, table: Any) -> None:
         y = corner[1] + (b + 0.5) * edge
         z = corner[2] + (c + 0.5) * edge
         there = table[a, b, c]
-        if there < 0 or closest(points, k, x, y, z) < closest(points, there, x, y, z):
+        if there < 0 or squared_distance(points, k, x, y, z) < squared_distance(
+            points, there, x, y, z
+        ):
             table[a, b, c] = k
 
 
 @njit(nogil=True, error_model="numpy")
-def spread(cells: Any, apart: Any, lowest: Any, begins: Any, line: Any, height: Any) -> None:
+def spread(cells: Any, squared: Any, lowest: Any, begins: Any, line: Any, height: Any) -> None:
     """Along one line of cells, hand every cell what the cell of the lowest parabola has.
 
-    ``apart`` holds the squared distance, in cells, of what a cell has. The last four are
+    ``squared`` holds the squared distance, in cells, of what a cell has. The last four are
     scratch: the parabolas of the envelope, where each begins, and the line as it was.
     """
     count = 0
     for i in range(cells.shape[0]):
-        line[i], height[i] = cells[i], apart[i]
+        line[i], height[i] = cells[i], squared[i]
         if cells[i] < 0:
             continue
         begin = -np.inf
@@ -93,7 +95,7 @@ def spread(cells: Any, apart: Any, lowest: Any, begins: Any, line: Any, height: 
         while at + 1 < count and begins[at + 1] < i:
             at += 1
         j = lowest[at]
-        cells[i], apart[i] = line[j], height[j] + (i - j) ** 2
+        cells[i], squared[i] = line[j], height[j] + (i - j) ** 2
 
 
 @njit(nogil=True, error_model="numpy")
@@ -107,7 +109,7 @@ def compare(points: Any, corner: Any, edge: float, table: Any) -> None:
                 x = corner[0] + (a + 0.5) * edge
                 y = corner[1] + (b + 0.5) * edge
                 z = corner[2] + (c + 0.5) * edge
-                low = closest(points, k, x, y, z)
+                low = squared_distance(points, k, x, y, z)
                 for m in range(6):
                     s = 2 * (m % 2) - 1
                     aa = a + (s if m < 2 else 0)
@@ -117,7 +119,7 @@ def compare(points: Any, corner: Any, edge: float, table: Any) -> None:
                         continue
                     other = table[aa, bb, cc]
                     if other != k:
-                        d = closest(points, other, x, y, z)
+                        d = squared_distance(points, other, x, y, z)
                         if d < low:
                             low, k = d, other
                 table[a, b, c] = k
@@ -134,14 +136,14 @@ def look_up(points: Any, table: Any, corner: Any, edge: float, x: float, y: floa
     k = table[a, b, c]
     if k < 0:
         return -1
-    low = closest(points, k, x, y, z)
+    low = squared_distance(points, k, x, y, z)
     aa = min(max(a + (1 if fa - a > 0.5 else -1), 0), nx - 1)
     bb = min(max(b + (1 if fb - b > 0.5 else -1), 0), ny - 1)
     cc = min(max(c + (1 if fc - c > 0.5 else -1), 0), nz - 1)
     for m in range(3):
         other = table[aa if m == 0 else a, bb if m == 1 else b, cc if m == 2 else c]
         if other != k and other >= 0:
-            d = closest(points, other, x, y, z)
+            d = squared_distance(points, other, x, y, z)
             if d < low:
                 low, k = d, other
     return int(k)

@@ -13,7 +13,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from hmrf_icp import se3
-from hmrf_icp.clouds.cloud import PointCloud
+from hmrf_icp.clouds.prepared import PreparedCloud
 from hmrf_icp.loop.match import Matches
 from hmrf_icp.loop.placed import Placed
 from hmrf_icp.loop.reject import Labels
@@ -68,7 +68,7 @@ class Align(Protocol):
 class Aligner(Protocol):
     """Prepare an :class:`Align` for one pair of clouds."""
 
-    def prepare(self, source: PointCloud, target: PointCloud) -> Align:
+    def prepare(self, source: PreparedCloud, target: PreparedCloud) -> Align:
         """Build what depends on the clouds alone, such as normals."""
 
 
@@ -76,9 +76,9 @@ class Aligner(Protocol):
 class PointToPoint:
     """Least squares between points, f = ||T B_i - C_I_i||^2 over z > 0, in closed form."""
 
-    def prepare(self, source: PointCloud, target: PointCloud) -> Align:
+    def prepare(self, source: PreparedCloud, target: PreparedCloud) -> Align:
         """Nothing but the target's points is needed."""
-        closest = target.observed_points
+        closest = target.points
 
         def align(source: Placed, matches: Matches, labels: Labels) -> Step | None:
             inlier = labels.inlier

@@ -9,7 +9,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from hmrf_icp import se3
-from hmrf_icp.clouds.cloud import PointCloud
+from hmrf_icp.clouds.prepared import PreparedCloud
 from hmrf_icp.errors import InputError
 
 
@@ -51,7 +51,7 @@ class Criteria:
             and se3.rotation_angle(step) < self.rotation
         )
 
-    def on(self, target: PointCloud) -> Criteria:
+    def on(self, target: PreparedCloud) -> Criteria:
         """Return these: they are in metres whatever the target."""
         return self
 
@@ -73,11 +73,9 @@ class RelativeCriteria:
     step: float = 1e-4
     max_iterations: int = 30
 
-    def on(self, target: PointCloud) -> Criteria:
+    def on(self, target: PreparedCloud) -> Criteria:
         """Return what they are for one target, in metres."""
-        from hmrf_icp.clouds.surface import surface_of
-
-        return Criteria(self.step * surface_of(target).size, self.step, self.max_iterations)
+        return Criteria(self.step * target.surface.size, self.step, self.max_iterations)
 
 
 class StoppingRule(Protocol):
@@ -87,7 +85,7 @@ class StoppingRule(Protocol):
     def max_iterations(self) -> int:
         """Iterations after which the loop stops without having converged."""
 
-    def on(self, target: PointCloud) -> Criteria:
+    def on(self, target: PreparedCloud) -> Criteria:
         """Return the criteria for one target."""
 
 

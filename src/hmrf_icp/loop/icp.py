@@ -4,19 +4,17 @@ from __future__ import annotations
 
 from collections.abc import Callable, Mapping
 from dataclasses import dataclass, field
-from typing import Protocol, runtime_checkable
 
 import numpy as np
 from numpy.typing import NDArray
 
 from hmrf_icp import se3
-from hmrf_icp.clouds.cloud import PointCloud
+from hmrf_icp.clouds.prepared import PreparedCloud
 from hmrf_icp.loop.align import Align, Aligner, Step
 from hmrf_icp.loop.criteria import Criteria, StoppingRule, at_most
 from hmrf_icp.loop.match import Match, Matcher, Matches
 from hmrf_icp.loop.placed import Placed
 from hmrf_icp.loop.reject import Labels, Reject, Rejector
-from hmrf_icp.search.visibility import Verdict
 
 Array = NDArray[np.float64]
 
@@ -32,11 +30,11 @@ class Method:
 
     def run(
         self,
-        source: PointCloud,
-        target: PointCloud,
+        source: PreparedCloud,
+        target: PreparedCloud,
         init: Array,
         on_iteration: Callable[[Iteration], None] | None = None,
-    ) -> Outcome:
+    ) -> LoopResult:
         """Run Algorithm 1 with these parts."""
         return icp(source, target, init, self, on_iteration)
 
@@ -53,28 +51,6 @@ class Method:
             self.align if align is None else align,
             self.criteria if criteria is None else criteria,
         )
-
-
-@runtime_checkable
-class Registrar(Protocol):
-    """Anything that registers: Algorithm 1 alone, or something round it."""
-
-    def run(
-        self,
-        source: PointCloud,
-        target: PointCloud,
-        init: Array,
-        on_iteration: Callable[[Iteration], None] | None = None,
-    ) -> Outcome:
-        """Register from ``init`` (4, 4)."""
-
-    def with_parts(
-        self,
-        reject: Rejector | None = None,
-        align: Aligner | None = None,
-        criteria: StoppingRule | None = None,
-    ) -> Registrar:
-        """Return the same with some of its parts replaced."""
 
 
 @dataclass(frozen=True)
@@ -107,13 +83,11 @@ class Iteration:
 
 
 @dataclass(frozen=True, eq=False)
-class Outcome:
+class LoopResult:
     """Where the loop ended: the motion, the last matches and labels, and how it got there.
 
     ``last`` is the last :class:`~hmrf_icp.loop.align.Step` taken; None where there was none.
     ``stuck`` says that it ended because the inliers did not determine a motion.
-    ``verdict`` is what both sensors say of the pose, and ``confidence`` what
-    that is worth; None where the method did not ask.
     """
 
     transformation: Array
@@ -124,8 +98,6 @@ class Outcome:
     last: Step | None
     history: tuple[Iteration, ...]
     stuck: bool = False
-    verdict: Verdict | None = None
-    confidence: float | None = None
 
     @property
     def weakest(self) -> float | None:
@@ -144,8 +116,8 @@ class Loop:
         The parts.
     """
 
-    def __init__(self, source: PointCloud, target: PointCloud, method: Method) -> None:
-        self._points = source.observed_points
+    def __init__(self, source: PreparedCloud, target: PreparedCloud, method: Method) -> None:
+        self._points = source.points
         self._match: Match = method.match.prepare(source, target)
         self._reject: Reject = method.reject.prepare(source, target)
         self._align: Align = method.align.prepare(source, target)
@@ -156,7 +128,7 @@ class Loop:
         init: Array,
         on_iteration: Callable[[Iteration], None] | None = None,
         most: int | None = None,
-    ) -> Outcome:
+    ) -> LoopResult:
         """Run from ``init`` (4, 4), for at most ``most`` iterations if that is fewer.
 
         ``on_iteration`` is called after every iteration, for progress.
@@ -197,7 +169,7 @@ class Loop:
             converged = criteria.met(step.motion)
             if on_iteration is not None:
                 on_iteration(history[-1])
-        return Outcome(
+        return LoopResult(
             source.transformation,
             matches,
             labels,
@@ -210,12 +182,12 @@ class Loop:
 
 
 def icp(
-    source: PointCloud,
-    target: PointCloud,
+    source: PreparedCloud,
+    target: PreparedCloud,
     init: Array,
     method: Method,
     on_iteration: Callable[[Iteration], None] | None = None,
-) -> Outcome:
+) -> LoopResult:
     """Run Algorithm 1 with the parts of ``method``, once, from ``init`` (4, 4)."""
     return Loop(source, target, method)(init, on_iteration)
 

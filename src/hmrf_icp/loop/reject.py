@@ -14,7 +14,7 @@ from typing import Protocol
 import numpy as np
 from numpy.typing import NDArray
 
-from hmrf_icp.clouds.cloud import PointCloud
+from hmrf_icp.clouds.prepared import PreparedCloud
 from hmrf_icp.loop.match import Matches
 
 Array = NDArray[np.float64]
@@ -59,7 +59,7 @@ class Reject(Protocol):
 class Rejector(Protocol):
     """Prepare a :class:`Reject` for one pair of clouds."""
 
-    def prepare(self, source: PointCloud, target: PointCloud) -> Reject:
+    def prepare(self, source: PreparedCloud, target: PreparedCloud) -> Reject:
         """Build what depends on the clouds alone, such as who neighbours whom."""
 
 
@@ -73,7 +73,7 @@ def keep_below(distance: Array, threshold: float) -> Labels:
 class KeepAll:
     """No rejection: every point is an inlier (Besl and McKay 1992)."""
 
-    def prepare(self, source: PointCloud, target: PointCloud) -> Reject:
+    def prepare(self, source: PreparedCloud, target: PreparedCloud) -> Reject:
         """Nothing to prepare."""
         return lambda matches, before: Labels(np.ones_like(matches.distance))
 
@@ -84,7 +84,7 @@ class KeepPercent:
 
     percent: float = 90.0
 
-    def prepare(self, source: PointCloud, target: PointCloud) -> Reject:
+    def prepare(self, source: PreparedCloud, target: PreparedCloud) -> Reject:
         """Nothing to prepare."""
         return lambda matches, before: keep_below(
             matches.distance, float(np.percentile(matches.distance, self.percent))
@@ -97,7 +97,7 @@ class KeepSigma:
 
     deviations: float = 2.5
 
-    def prepare(self, source: PointCloud, target: PointCloud) -> Reject:
+    def prepare(self, source: PreparedCloud, target: PreparedCloud) -> Reject:
         """Nothing to prepare."""
         return lambda matches, before: keep_below(
             matches.distance,
@@ -111,7 +111,7 @@ class X84:
 
     deviations: float = 5.2
 
-    def prepare(self, source: PointCloud, target: PointCloud) -> Reject:
+    def prepare(self, source: PreparedCloud, target: PreparedCloud) -> Reject:
         """Nothing to prepare."""
 
         def reject(matches: Matches, before: Labels | None) -> Labels:
@@ -140,9 +140,9 @@ class Dynamic:
 
     scale: float | None = None
 
-    def prepare(self, source: PointCloud, target: PointCloud) -> Reject:
+    def prepare(self, source: PreparedCloud, target: PreparedCloud) -> Reject:
         """Measure D on the target where it is not given."""
-        scale = self.scale if self.scale is not None else mean_spacing(target.observed_points)
+        scale = self.scale if self.scale is not None else mean_neighbour_distance(target.points)
 
         def reject(matches: Matches, before: Labels | None) -> Labels:
             if before is None:
@@ -181,7 +181,7 @@ def first_valley(distance: Array) -> float:
     return float(edge[-1])
 
 
-def mean_spacing(points: Array) -> float:
+def mean_neighbour_distance(points: Array) -> float:
     """Mean distance of points (N, 3) to their nearest other point, metres."""
     from pykdtree.kdtree import KDTree
 

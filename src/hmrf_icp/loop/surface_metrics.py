@@ -21,8 +21,8 @@ import numpy as np
 from numpy.typing import NDArray
 
 from hmrf_icp import se3
-from hmrf_icp.clouds.cloud import PointCloud
-from hmrf_icp.clouds.surface import Surface, surface_of
+from hmrf_icp.clouds.prepared import PreparedCloud
+from hmrf_icp.clouds.surface import Surface
 from hmrf_icp.errors import InputError
 from hmrf_icp.loop.align import Align, Step
 from hmrf_icp.loop.degeneracy import about_origin, split, unit_twists
@@ -64,7 +64,7 @@ class Matched(NamedTuple):
         often as it is matched, square metres.
     chance
         P(Z = +1) of the match, or 0 or 1 for hard weights; 0 where it is left out.
-    apart
+    normal_noise
         Mean square of half the difference that noise makes between its normals.
     """
 
@@ -77,7 +77,7 @@ class Matched(NamedTuple):
     variance: Array
     onto_variance: Array
     chance: Array
-    apart: Array
+    normal_noise: Array
 
 
 @dataclass(frozen=True)
@@ -103,9 +103,9 @@ class SurfaceMetric:
         if self.weights not in ("soft", "hard"):
             raise InputError(f'weights: expected "soft" or "hard", got {self.weights!r}')
 
-    def prepare(self, source: PointCloud, target: PointCloud) -> Align:
+    def prepare(self, source: PreparedCloud, target: PreparedCloud) -> Align:
         """Estimate the surfaces of both clouds."""
-        return self.between(surface_of(source), surface_of(target))
+        return self.between(source.surface, target.surface)
 
     def between(self, source: Surface, target: Surface) -> Align:
         """Align surfaces that are known already."""
@@ -133,7 +133,7 @@ class SurfaceMetric:
         # Rotation in units of the scene: both halves of a twist move the points about equally far.
         units = np.array([1 / length] * 3 + [1.0] * 3)
         both = np.outer(units, units)
-        truth, noise = geometry(*m[:6], m.apart, centre)
+        truth, noise = geometry(*m[:6], m.normal_noise, centre)
         information = matrix(truth) * both
         free, bound, weakest = split(information, matrix(noise) * both)
         if bound.shape[1] == 0:
@@ -261,8 +261,8 @@ def extent(points: Array, weight: Array) -> tuple[Array, float]:
     """Weighted mean of points (M, 3), and their root mean square distance from it, metres."""
     total = weight.sum()
     centre = weight @ points / total
-    apart = points - centre
-    square = weight @ np.einsum("ij,ij->i", apart, apart) / total
+    offset = points - centre
+    square = weight @ np.einsum("ij,ij->i", offset, offset) / total
     return np.asarray(centre), float(np.sqrt(square))
 
 

@@ -8,10 +8,9 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
-from hmrf_icp import kept, se3
-from hmrf_icp.clouds.cloud import PointCloud
-from hmrf_icp.clouds.surface import Surface, surface_of
-from hmrf_icp.search.visibility import evenly
+from hmrf_icp import se3
+from hmrf_icp.clouds.prepared import PreparedCloud
+from hmrf_icp.clouds.surface import evenly
 
 Array = NDArray[np.float64]
 
@@ -43,52 +42,15 @@ class Level:
     steps: int
 
 
-@dataclass(frozen=True, eq=False)
-class Onto:
-    """A few points of a target, with a table of space that knows the closest of them.
-
-    Attributes
-    ----------
-    points, normals
-        (N, 3) metres, and unit vectors.
-    table, corner, edge
-        As :mod:`hmrf_icp.kernels.table` has them: a row of ``points`` for every
-        cell (A, B, C), the corner (3,) of the first and the edge of all, metres.
-    """
-
-    points: Array
-    normals: Array
-    table: NDArray[np.int32]
-    corner: Array
-    edge: float
-
-    @classmethod
-    def of(cls, surface: Surface, level: Level) -> Onto:
-        """Choose points evenly by area, and lay the table round them."""
-        from hmrf_icp.kernels import table
-
-        rows = evenly(surface, level.target_points)
-        points = surface.points[rows]
-        low, high = points.min(axis=0), points.max(axis=0)
-        edge = float((high - low).max()) / level.cells
-        # The outermost points stand in the middle of their cells: on an edge between two,
-        # rounding would say which is theirs, and in other units another one.
-        corner = low - (level.margin + 0.5) * edge
-        shape = np.floor((high - low) / edge + 2 * level.margin + 1.5).astype(np.int64)
-        cells = table.build(points, corner, edge, tuple(int(n) for n in shape))
-        return cls(points, surface.normals[rows], cells, corner, edge)
-
-
 class Annealer:
     """Register one pair of clouds on one level, from any number of starts."""
 
-    def __init__(self, source: PointCloud, target: PointCloud, level: Level) -> None:
-        mine, theirs = surface_of(source), surface_of(target)
+    def __init__(self, source: PreparedCloud, target: PreparedCloud, level: Level) -> None:
+        mine, theirs = source.surface, target.surface
         rows = evenly(mine, level.source_points)
         self._points, self._normals = mine.points[rows], mine.normals[rows]
         self._signed = mine.oriented and theirs.oriented
-        grid = (level.target_points, level.cells, level.margin)
-        self._onto = kept.once(target, grid, lambda: Onto.of(theirs, level))
+        self._onto = target.closest_table(level.target_points, level.cells, level.margin)
         self._scales = np.array(level.scales) * theirs.size
         self._steps = level.steps
 
@@ -119,7 +81,7 @@ class Annealer:
         return ends
 
 
-def turned(start: Array, centre: Array, most: float, apart: float) -> Array:
+def turned(start: Array, centre: Array, most: float, turn_step: float) -> Array:
     """Return ``start`` turned every way about ``centre``, itself first: (K, 4, 4).
 
     Parameters
@@ -130,13 +92,13 @@ def turned(start: Array, centre: Array, most: float, apart: float) -> Array:
         (3,) point of the source, in the target's frame, that stays where it is.
     most
         Largest turn, radians.
-    apart
+    turn_step
         Edge of the cubes of the body-centred lattice of rotation vectors, radians.
     """
-    steps = int(np.ceil(most / apart))
-    line = np.arange(-steps, steps + 1) * apart
+    steps = int(np.ceil(most / turn_step))
+    line = np.arange(-steps, steps + 1) * turn_step
     corners = np.stack(np.meshgrid(line, line, line), axis=-1).reshape(-1, 3)
-    vectors = np.concatenate([corners, corners + 0.5 * apart])
+    vectors = np.concatenate([corners, corners + 0.5 * turn_step])
     length = np.linalg.norm(vectors, axis=1)
     vectors = vectors[length <= most + 1e-9]
     vectors = vectors[np.argsort(np.linalg.norm(vectors, axis=1), kind="stable")]
@@ -155,14 +117,14 @@ def shifted(poses: Array, by: float) -> Array:
 
 
 def distinct(
-    poses: Array, worth: Array, others: Sequence[Array], angle: float, shift: float
+    poses: Array, score: Array, others: Sequence[Array], angle: float, shift: float
 ) -> Iterator[int]:
-    """Go through poses (K, 4, 4), the worthiest first, and leave out those that were there.
+    """Go through poses (K, 4, 4), the highest score first, and leave out those that were there.
 
     A pose was there if another, or one of ``others``, is within ``angle`` (rad) and ``shift`` (m).
     """
     there = list(others)
-    for i in np.argsort(-worth, kind="stable"):
+    for i in np.argsort(-score, kind="stable"):
         pose = poses[i]
         if not any(near(pose, other, angle, shift) for other in there):
             there.append(pose)

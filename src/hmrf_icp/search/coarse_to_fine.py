@@ -1,10 +1,10 @@
 """The default: many candidates on few points, the likeliest refined by the field, and judged.
 
-Algorithm 1 finds the nearest optimum, and knows no better. Here it has the last
-word only: a lattice of turns of the start is registered quickly on a coarse
-level, and the start itself on a finer one from several scales down; each end is
-held against what both sensors saw, and the few likeliest, by that and by how near
-they are to the start, go through match, reject and align with everything that is known.
+Algorithm 1 converges to a local optimum. Here it comes last: a lattice of turns of the
+start is registered quickly on a coarse level, and the start itself on a finer one from
+several scales down; each end is held against what both sensors saw, and the few
+likeliest, by that and by how near they are to the start, go through match, reject and
+align with everything that is known.
 Where what comes out is not to be believed, the same is done from shifted starts as well.
 """
 
@@ -20,22 +20,21 @@ import numpy as np
 from numpy.typing import NDArray
 
 from hmrf_icp import se3
-from hmrf_icp.clouds.cloud import PointCloud
-from hmrf_icp.clouds.downsample import reduced, standing
-from hmrf_icp.clouds.surface import Surface, surface_of
+from hmrf_icp.clouds.prepared import PreparedCloud
+from hmrf_icp.clouds.surface import Surface
 from hmrf_icp.loop.align import Aligner
 from hmrf_icp.loop.criteria import StoppingRule
 from hmrf_icp.loop.degeneracy import NOISE_ALONE
-from hmrf_icp.loop.icp import Iteration, Loop, Method, Outcome
+from hmrf_icp.loop.icp import Iteration, Loop, LoopResult, Method
 from hmrf_icp.loop.reject import Rejector
 from hmrf_icp.search.candidates import Annealer, Level, distinct, near, shifted, turned
 from hmrf_icp.search.confidence import confidence, log_odds
 from hmrf_icp.search.start_prior import FALL, FALL_UNSEEN, StartPrior
-from hmrf_icp.search.visibility import Judge, Verdict
+from hmrf_icp.search.visibility import Visibility, VisibilityTest
 
 Array = NDArray[np.float64]
 
-ASKED_EARLY, ASKED_LATE = 1000, 4000
+TESTED_EARLY, TESTED_LATE = 1000, 4000
 """Points of each cloud that are held against the other's view: of many poses, and of the last."""
 
 COARSE = Level(600, 2500, 40, 8, (0.15, 0.08, 0.04, 0.02), 4)
@@ -47,10 +46,10 @@ FEWER = 4
 CONVINCED = 0.5
 """Confidence from which no further starts are tried: more likely right than not."""
 
-HOPELESS = 4.0
-"""A candidate whose log-odds are as much worse than the best so far is not tried."""
+PRUNE_MARGIN = 4.0
+"""A candidate whose log posterior odds are this far below the best so far is not tried."""
 
-SLACK = 1.0
+RETURN_MARGIN = 1.0
 """Log-odds that a pose may lose by going back to the start along a free direction.
 
 That it agrees with a little more somewhere else along a wall is no evidence.
@@ -74,7 +73,7 @@ class CoarseToFine:
     ----------
     method
         Algorithm 1 that the last candidates go through.
-    turn, apart
+    turn, turn_step
         How far the start is turned, and the edge of the lattice of turns, radians.
     shift
         How far it is shifted as well, each way along each axis, where turns alone do
@@ -92,7 +91,7 @@ class CoarseToFine:
 
     method: Method
     turn: float = math.radians(40.0)
-    apart: float = math.radians(20.0)
+    turn_step: float = math.radians(20.0)
     shift: float = 0.3
     coarse: Level = COARSE
     close: Level = CLOSE
@@ -101,19 +100,19 @@ class CoarseToFine:
 
     def run(
         self,
-        source: PointCloud,
-        target: PointCloud,
+        source: PreparedCloud,
+        target: PreparedCloud,
         init: Array,
         on_iteration: Callable[[Iteration], None] | None = None,
-    ) -> Outcome:
+    ) -> SearchResult:
         """Register; see :func:`hmrf_icp.register`."""
         search = Search(self, source, target, init, on_iteration)
         end = search.among(search.turns)
         # Without free space to contradict them, more candidates are only more mistakes.
-        if end.verdict.seen and end.confidence < CONVINCED:
+        if end.visibility.views and end.confidence < CONVINCED:
             end = search.among(search.shifts)
-        outcome = spread(end.outcome, standing(source, self.points))
-        return replace(outcome, verdict=end.verdict, confidence=end.confidence)
+        loop = spread(end.loop, source.representatives(self.points))
+        return SearchResult(loop, end.visibility, end.confidence)
 
     def with_parts(
         self,
@@ -125,34 +124,53 @@ class CoarseToFine:
         return replace(self, method=self.method.with_parts(reject, align, criteria))
 
 
+@dataclass(frozen=True, eq=False)
+class SearchResult:
+    """What the search chose.
+
+    Attributes
+    ----------
+    loop
+        Where Algorithm 1 ended from the best candidate, one label a source point.
+    visibility
+        What both sensors saw of that pose.
+    confidence
+        Probability in [0, 1] that it is right.
+    """
+
+    loop: LoopResult
+    visibility: Visibility
+    confidence: float
+
+
 class Search:
     """The search for one pair of clouds from one start: what it needs, and what it has found."""
 
     def __init__(
         self,
         plan: CoarseToFine,
-        source: PointCloud,
-        target: PointCloud,
+        source: PreparedCloud,
+        target: PreparedCloud,
         init: Array,
         on_iteration: Callable[[Iteration], None] | None,
     ) -> None:
         self._plan = plan
-        self._source, self._target = (reduced(cloud, plan.points) for cloud in (source, target))
-        few = reduced(self._source, plan.points // FEWER)
+        self._source, self._target = (cloud.downsampled(plan.points) for cloud in (source, target))
+        few = self._source.downsampled(plan.points // FEWER)
         self._rough = Loop(few, self._target, plan.method)
         self._fine = Loop(self._source, self._target, plan.method)
-        self._asked_early = Judge(self._source, self._target, ASKED_EARLY)
-        self._asked_late = Judge(self._source, self._target, ASKED_LATE)
+        self._test_early = VisibilityTest(self._source, self._target, TESTED_EARLY)
+        self._test_late = VisibilityTest(self._source, self._target, TESTED_LATE)
         self._coarse, self._close = (
             Annealer(self._source, self._target, level) for level in (plan.coarse, plan.close)
         )
         self._on_iteration = on_iteration
 
-        size = surface_of(self._target).size
-        middle = se3.transform(init, centre(surface_of(self._source)))
-        fall = FALL if self._asked_late.seen else FALL_UNSEEN
+        size = self._target.surface.size
+        middle = se3.transform(init, centre(self._source.surface))
+        fall = FALL if self._test_late.views else FALL_UNSEEN
         self._prior = StartPrior(init, middle, size, fall)
-        self.turns = turned(init, middle, plan.turn, plan.apart)
+        self.turns = turned(init, middle, plan.turn, plan.turn_step)
         self.shifts = shifted(self.turns, plan.shift * size)
 
         self._candidates: list[Candidate] = []
@@ -161,116 +179,118 @@ class Search:
 
     def among(self, starts: Array) -> Judged:
         """Return the likeliest end of all starts so far, these (K, 4, 4) and the given one."""
-        candidates = self._worth_trying(starts)
+        candidates = self._new_candidates(starts)
         self._candidates += candidates
         self._ends += self._tried(candidates)
         return self._refined()
 
-    def _worth_trying(self, starts: Array) -> list[Candidate]:
+    def _new_candidates(self, starts: Array) -> list[Candidate]:
         """Poses that starts lead to, but to none that was tried; at first the given start too."""
         prior, poses = self._prior, self._coarse(starts)
         first = not self._candidates
         if first:
             poses = np.concatenate([self._close.from_each_scale(prior.start), poses])
-        worth = np.array([self._likelihood(pose) for pose in poses])
+        log_posterior = np.array([self._log_posterior(pose) for pose in poses])
         before = [candidate.pose for candidate in self._candidates]
-        rows = distinct(poses, worth, before, SAME_ANGLE, SAME_SHIFT * prior.size)
-        found = [Candidate(poses[i], worth[i]) for i in islice(rows, self._plan.finalists)]
+        rows = distinct(poses, log_posterior, before, SAME_ANGLE, SAME_SHIFT * prior.size)
+        found = [Candidate(poses[i], log_posterior[i]) for i in islice(rows, self._plan.finalists)]
         # The start as it is has a place beside them, whatever a coarse level makes of it.
-        return [Candidate(prior.start, self._likelihood(prior.start)), *found] if first else found
+        return (
+            [Candidate(prior.start, self._log_posterior(prior.start)), *found] if first else found
+        )
 
-    def _likelihood(self, pose: Array) -> float:
-        return log_odds(self._asked_early(pose)) + self._prior(pose)
+    def _log_posterior(self, pose: Array) -> float:
+        return log_odds(self._test_early(pose)) + self._prior(pose)
 
     def _tried(self, candidates: Sequence[Candidate]) -> list[Judged]:
         """Run Algorithm 1 from the candidates on few points.
 
-        The likeliest goes first, and the hopeless are left out once it is known how it fares.
+        The likeliest goes first; those below the prune margin of what it leads to are left out.
         """
         ends: list[Judged] = []
-        best = -math.inf if self._best is None else self._best.likelihood
-        for pose, likelihood in sorted(candidates, key=lambda one: -one.likelihood):
-            if likelihood < best - HOPELESS:
+        best = -math.inf if self._best is None else self._best.log_posterior
+        for pose, log_posterior in sorted(candidates, key=lambda one: -one.log_posterior):
+            if log_posterior < best - PRUNE_MARGIN:
                 break
             end = self._judged(self._rough(pose, self._on_iteration, SHORT))
-            best = max(best, end.likelihood)
+            best = max(best, end.log_posterior)
             if not any(self._same(end, other) for other in (*self._ends, *ends)):
                 ends.append(end)
         return ends
 
     def _same(self, one: Judged, other: Judged) -> bool:
-        poses = one.outcome.transformation, other.outcome.transformation
+        poses = one.loop.transformation, other.loop.transformation
         return near(*poses, SAME_ANGLE, SAME_SHIFT * self._prior.size)
 
     def _refined(self) -> Judged:
         """Run the likeliest to the end; the next too while it is likelier than what came out."""
         while self._ends:
             end = likeliest(self._ends)
-            if self._best is not None and end.likelihood <= self._best.likelihood:
+            if self._best is not None and end.log_posterior <= self._best.log_posterior:
                 break
             self._ends.remove(end)
-            refined = self._unmoved(self._continued(end, end.outcome.transformation))
+            refined = self._unmoved(self._continued(end, end.loop.transformation))
             self._best = refined if self._best is None else likeliest([self._best, refined])
         assert self._best is not None
         return self._best
 
     def _unmoved(self, end: Judged) -> Judged:
         """Take back what the search did along directions of which nothing is known."""
-        last = end.outcome.last
+        last = end.loop.last
         if last is None or last.degenerate is None or last.weakest is None:
             return end
         if last.weakest >= NOISE_ALONE:
             return end
-        pose = self._prior.nearest(end.outcome.transformation, last.degenerate)
+        pose = self._prior.nearest(end.loop.transformation, last.degenerate)
         back = self._continued(end, pose)
-        return back if back.likelihood >= end.likelihood - SLACK else end
+        return back if back.log_posterior >= end.log_posterior - RETURN_MARGIN else end
 
     def _continued(self, end: Judged, pose: Array) -> Judged:
         """Run Algorithm 1 to the end from a pose that an earlier end led to."""
-        return self._judged(after(end.outcome, self._fine(pose, self._on_iteration)))
+        return self._judged(after(end.loop, self._fine(pose, self._on_iteration)))
 
-    def _judged(self, outcome: Outcome) -> Judged:
-        pose = outcome.transformation
-        return Judged(outcome, self._asked_late(pose), self._prior(pose))
+    def _judged(self, loop: LoopResult) -> Judged:
+        pose = loop.transformation
+        return Judged(loop, self._test_late(pose), self._prior(pose))
 
 
 class Candidate(NamedTuple):
-    """A pose (4, 4) that may be worth trying, and its log-odds as far as they can be told."""
+    """A pose (4, 4) that may be tried, and its log posterior odds on few points."""
 
     pose: Array
-    likelihood: float
+    log_posterior: float
 
 
 class Judged(NamedTuple):
     """Where a loop ended, what both sensors say of it, and what the start said before."""
 
-    outcome: Outcome
-    verdict: Verdict
+    loop: LoopResult
+    visibility: Visibility
     prior: float
 
     @property
     def confidence(self) -> float:
-        """What the verdict is worth, whatever the start was."""
-        return confidence(self.verdict, self.outcome.weakest)
+        """Probability that the pose is right without the prior of the start."""
+        return confidence(self.visibility, self.loop.weakest)
 
     @property
-    def likelihood(self) -> float:
+    def log_posterior(self) -> float:
         """Log-odds of the pose, with all that is known."""
-        return log_odds(self.verdict, self.outcome.weakest) + self.prior
+        return log_odds(self.visibility, self.loop.weakest) + self.prior
 
 
 def likeliest(ends: Sequence[Judged]) -> Judged:
     """Choose the one for which evidence and start together speak most."""
-    return max(ends, key=lambda end: end.likelihood)
+    return max(ends, key=lambda end: end.log_posterior)
 
 
-def after(before: Outcome, outcome: Outcome) -> Outcome:
-    """Give an outcome the history of the loop that its start came from."""
+def after(before: LoopResult, loop: LoopResult) -> LoopResult:
+    """Give a result the history of the loop that its start came from."""
     shift = len(before.history)
-    continued = (replace(one, iteration=one.iteration + shift) for one in outcome.history)
+    continued = (replace(one, iteration=one.iteration + shift) for one in loop.history)
     return replace(
-        outcome,
-        em_iterations=before.em_iterations + outcome.em_iterations,
+        loop,
+        em_iterations=before.em_iterations + loop.em_iterations,
         history=(*before.history, *continued),
     )
 
@@ -280,13 +300,13 @@ def centre(surface: Surface) -> Array:
     return np.asarray(surface.area @ surface.points / surface.area.sum())
 
 
-def spread(outcome: Outcome, rows: NDArray[np.intp]) -> Outcome:
+def spread(loop: LoopResult, rows: NDArray[np.intp]) -> LoopResult:
     """Give every source point the label and the match of the one that stands for it."""
-    labels = replace(outcome.labels, z=outcome.labels.z[rows])
+    labels = replace(loop.labels, z=loop.labels.z[rows])
     matches = replace(
-        outcome.matches,
-        index=outcome.matches.index[rows],
-        distance=outcome.matches.distance[rows],
-        evidence=None,
+        loop.matches,
+        index=loop.matches.index[rows],
+        distance=loop.matches.distance[rows],
+        label_log_odds=None,
     )
-    return replace(outcome, labels=labels, matches=matches)
+    return replace(loop, labels=labels, matches=matches)

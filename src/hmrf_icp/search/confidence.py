@@ -10,7 +10,7 @@ from __future__ import annotations
 
 import math
 
-from hmrf_icp.search.visibility import Verdict
+from hmrf_icp.search.visibility import Visibility
 
 CONSTANT, VIEWS, HELD = -2.80, 1.33, 1.16
 """Log-odds: alone, for each e-fold of agreement to free space violated, and for each e-fold of
@@ -27,13 +27,13 @@ PSEUDO = 0.001
 """Share of the points asked that is added to every count, so that none is zero."""
 
 
-def confidence(verdict: Verdict, weakest: float | None = None) -> float:
-    """Probability in [0, 1] that a pose with this verdict is right.
+def confidence(visibility: Visibility, weakest: float | None = None) -> float:
+    """Probability in [0, 1] that a pose with this visibility is right.
 
     Parameters
     ----------
-    verdict
-        Where no viewpoint is known (``verdict.seen`` is False) nothing can be
+    visibility
+        Where no viewpoint is known (``visibility.views`` is False) nothing can be
         contradicted, and the answer is only the share of points that agree,
         less where a direction is hardly known: it ranks poses of one pair, and is not calibrated.
     weakest
@@ -41,22 +41,22 @@ def confidence(verdict: Verdict, weakest: float | None = None) -> float:
         None where nobody looked, and it is taken for well known.
     """
     most = SLIDES * (SLIDING + math.log(_known(weakest)))
-    odds = math.exp(min(log_odds(verdict, weakest), most))
+    odds = math.exp(min(log_odds(visibility, weakest), most))
     return odds / (1.0 + odds)
 
 
-def log_odds(verdict: Verdict, weakest: float | None = None) -> float:
+def log_odds(visibility: Visibility, weakest: float | None = None) -> float:
     """Evidence for the pose, to choose among several; see :func:`confidence` for what it is worth.
 
     How far views agree tells two poses apart along which surfaces slide alike.
     """
     held = HELD * math.log(_known(weakest) / ENOUGH)
-    asked = max(verdict.asked, 1)
-    if not verdict.seen:
-        share = min(max(verdict.agree / asked, PSEUDO), 1.0 - PSEUDO)
+    asked = max(visibility.asked, 1)
+    if not visibility.views:
+        share = min(max(visibility.agree / asked, PSEUDO), 1.0 - PSEUDO)
         return math.log(share / (1.0 - share)) + held
-    agree = verdict.agree / asked + PSEUDO
-    front = verdict.front / asked + PSEUDO
+    agree = visibility.agree / asked + PSEUDO
+    front = visibility.front / asked + PSEUDO
     return CONSTANT + VIEWS * math.log(agree / front) + held
 
 

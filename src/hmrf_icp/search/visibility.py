@@ -1,4 +1,4 @@
-"""Evidence for or against a whole pose: what each sensor saw, held against the other's points."""
+"""Visibility test of a pose: what each sensor saw, held against the other's points."""
 
 from __future__ import annotations
 
@@ -9,30 +9,29 @@ import numpy as np
 from numpy.typing import NDArray
 
 from hmrf_icp import se3
-from hmrf_icp.clouds.cloud import PointCloud
-from hmrf_icp.clouds.range_image import BAND, view_of
-from hmrf_icp.clouds.surface import Surface, surface_of
-from hmrf_icp.loop.match import tree_of
+from hmrf_icp.clouds.prepared import PreparedCloud
+from hmrf_icp.clouds.range_image import BAND
+from hmrf_icp.clouds.surface import Surface, evenly
 
 Array = NDArray[np.float64]
 
 
 @dataclass(frozen=True, eq=False)
-class Witness:
+class Sample:
     """Some points of a cloud, evenly over its surface, to be held against the other's view."""
 
     points: Array
     normals: Array
 
     @classmethod
-    def of(cls, surface: Surface, count: int) -> Witness:
+    def of(cls, surface: Surface, count: int) -> Sample:
         """Choose about ``count`` points that each stand for the same area."""
         rows = evenly(surface, count)
         return cls(surface.points[rows], surface.normals[rows])
 
 
 @dataclass(frozen=True)
-class Verdict:
+class Visibility:
     """How many points of both clouds agree with, contradict, or escape the other's view.
 
     Attributes
@@ -47,7 +46,7 @@ class Verdict:
         Where the sensor did not look, or saw nothing: no evidence.
     other
         At the depth of a surface that faces another way.
-    seen
+    views
         Whether a sensor's view was asked. Where no viewpoint is known, points
         agree with the surface they are near, or are ``outside``: that tells how
         much overlaps, and nothing of free space.
@@ -58,7 +57,7 @@ class Verdict:
     behind: int
     outside: int
     other: int
-    seen: bool = True
+    views: bool = True
 
     @property
     def asked(self) -> int:
@@ -66,34 +65,19 @@ class Verdict:
         return self.agree + self.front + self.behind + self.outside + self.other
 
 
-def evenly(surface: Surface, count: int) -> NDArray[np.intp]:
-    """Rows of about ``count`` points with normals that each stand for the same area.
-
-    Every time the area summed along the cloud passes the middle of another share, the
-    point is taken: no chance is involved, and near surfaces count no more than far ones.
-    """
-    rows = np.flatnonzero((surface.normals != 0.0).any(axis=1))
-    if len(rows) <= count:
-        return rows
-    # A few points that stand for far more than their share would be taken once only.
-    area = np.minimum(surface.area[rows], 20.0 * np.median(surface.area[rows]))
-    passed = np.floor(np.cumsum(area) * (count / area.sum()) + 0.5)
-    return np.asarray(rows[np.diff(passed, prepend=0.0) > 0])
-
-
 class Asked(Protocol):
     """Anything that can be asked what it knows of points moved into its frame."""
 
     def ask(self, points: Array, normals: Array, pose: Array) -> NDArray[np.uint8]:
-        """Return a verdict (M,) of :mod:`hmrf_icp.kernels.range_image` for each point (M, 3)."""
+        """Return a code (M,) of :mod:`hmrf_icp.kernels.range_image` for each point (M, 3)."""
 
 
-class Near:
+class NearSurface:
     """A surface seen from nowhere in particular: points are near it, or outside."""
 
-    def __init__(self, cloud: PointCloud) -> None:
-        self._surface = surface = surface_of(cloud)
-        self._tree = tree_of(cloud)
+    def __init__(self, cloud: PreparedCloud) -> None:
+        self._surface = surface = cloud.surface
+        self._tree = cloud.tree
         self._band = BAND * surface.noise + np.sqrt(surface.area)
 
     def ask(self, points: Array, normals: Array, pose: Array) -> NDArray[np.uint8]:
@@ -102,11 +86,11 @@ class Near:
 
         distance, row = self._tree.query(se3.transform(pose, points))
         cosine = np.abs(((normals @ pose[:3, :3].T) * self._surface.normals[row]).sum(axis=1))
-        verdict = np.where(cosine > FACING, AGREE, OTHER)
-        return np.where(distance < self._band[row], verdict, OUTSIDE).astype(np.uint8)
+        seen = np.where(cosine > FACING, AGREE, OTHER)
+        return np.where(distance < self._band[row], seen, OUTSIDE).astype(np.uint8)
 
 
-class Judge:
+class VisibilityTest:
     """Hold poses of one pair of clouds against what both sensors saw.
 
     Parameters
@@ -118,28 +102,28 @@ class Judge:
 
     Attributes
     ----------
-    seen
+    views
         Whether a sensor's view is known; otherwise surfaces that are near agree.
     """
 
-    def __init__(self, source: PointCloud, target: PointCloud, count: int) -> None:
-        self._of_source = Witness.of(surface_of(source), count)
-        self._of_target = Witness.of(surface_of(target), count)
-        self._by_source: Asked | None = view_of(source)
-        self._by_target: Asked | None = view_of(target)
-        self.seen = self._by_source is not None or self._by_target is not None
-        if not self.seen:
-            self._by_source, self._by_target = Near(source), Near(target)
+    def __init__(self, source: PreparedCloud, target: PreparedCloud, count: int) -> None:
+        self._of_source = Sample.of(source.surface, count)
+        self._of_target = Sample.of(target.surface, count)
+        self._by_source: Asked | None = source.range_image
+        self._by_target: Asked | None = target.range_image
+        self.views = self._by_source is not None or self._by_target is not None
+        if not self.views:
+            self._by_source, self._by_target = NearSurface(source), NearSurface(target)
 
-    def __call__(self, pose: Array) -> Verdict:
+    def __call__(self, pose: Array) -> Visibility:
         """Ask about one pose (4, 4), source to target."""
         counts = np.zeros(5, dtype=np.int64)
-        for witness, view, motion in (
+        for sample, view, motion in (
             (self._of_source, self._by_target, pose),
             (self._of_target, self._by_source, se3.inverse(pose)),
         ):
             if view is not None:
-                verdict = view.ask(witness.points, witness.normals, motion)
-                counts += np.bincount(verdict, minlength=5)
+                seen = view.ask(sample.points, sample.normals, motion)
+                counts += np.bincount(seen, minlength=5)
         agree, front, behind, outside, other = (int(n) for n in counts)
-        return Verdict(agree, front, behind, outside, other, self.seen)
+        return Visibility(agree, front, behind, outside, other, self.views)

@@ -6,15 +6,14 @@ from dataclasses import dataclass, field, replace
 
 import numpy as np
 
-from hmrf_icp.clouds.cloud import PointCloud
-from hmrf_icp.clouds.range_image import BAND, view_of
-from hmrf_icp.clouds.surface import surface_of
+from hmrf_icp.clouds.prepared import PreparedCloud
+from hmrf_icp.clouds.range_image import BAND
 from hmrf_icp.loop.match import Match, Matcher, Matches, NearestNeighbour
 from hmrf_icp.loop.placed import Placed
 
 
 @dataclass(frozen=True)
-class Seen:
+class VisibleMatch:
     """Matches, with what the target's sensor says of each point as evidence on its label.
 
     A point in space that the sensor looked through, hidden behind what it saw,
@@ -40,18 +39,18 @@ class Seen:
     log_odds: tuple[float, float, float, float, float] = (0.0, -8.0, -6.0, -6.0, -4.0)
     band: float = 8.0
 
-    def prepare(self, source: PointCloud, target: PointCloud) -> Match:
+    def prepare(self, source: PreparedCloud, target: PreparedCloud) -> Match:
         """Look up what the target's sensor saw."""
         match = self.match.prepare(source, target)
-        view = view_of(target)
+        view = target.range_image
         if view is None:
             return match
-        view = view.wider((self.band - BAND) * surface_of(target).noise)
-        surface = surface_of(source)
+        view = view.wider((self.band - BAND) * target.surface.noise)
+        surface = source.surface
         log_odds = np.array(self.log_odds)
 
-        def seen(source: Placed) -> Matches:
-            verdict = view.ask(surface.points, surface.normals, source.transformation)
-            return replace(match(source), evidence=log_odds[verdict])
+        def match_visible(source: Placed) -> Matches:
+            seen = view.ask(surface.points, surface.normals, source.transformation)
+            return replace(match(source), label_log_odds=log_odds[seen])
 
-        return seen
+        return match_visible

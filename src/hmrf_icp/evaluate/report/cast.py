@@ -5,7 +5,7 @@ from __future__ import annotations
 from collections.abc import Sequence
 from dataclasses import dataclass
 
-from hmrf_icp.evaluate.report.methods import Method, best, family_label
+from hmrf_icp.evaluate.report.methods import ReportedMethod, best, family_label
 from hmrf_icp.evaluate.report.study import Study
 
 
@@ -14,7 +14,7 @@ class Band:
     """Methods under one heading."""
 
     heading: str
-    methods: tuple[Method, ...]
+    methods: tuple[ReportedMethod, ...]
 
 
 def main_cast(study: Study) -> list[Band]:
@@ -40,6 +40,6 @@ def settings_cast(study: Study) -> list[Band]:
     ]
 
 
-def everybody(bands: Sequence[Band]) -> list[Method]:
+def everybody(bands: Sequence[Band]) -> list[ReportedMethod]:
     """Return the methods of all bands."""
     return [method for band in bands for method in band.methods]

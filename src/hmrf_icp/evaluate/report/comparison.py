@@ -12,12 +12,12 @@ from hmrf_icp.evaluate.report.cost_tables import three_digits
 from hmrf_icp.evaluate.report.methods import family_label
 from hmrf_icp.evaluate.report.published import (
     PAPER_ANGLE,
-    PAPER_METHODS,
+    PAPER_ORDER,
     PUBLISHED_MAXIMA,
     Maximum,
     PaperRows,
 )
-from hmrf_icp.evaluate.report.runs import Start, angle_label
+from hmrf_icp.evaluate.report.runs import ReportedStart, angle_label
 from hmrf_icp.evaluate.report.statistics import DECILES, decile, decile_label, median
 from hmrf_icp.evaluate.report.study import Study
 from hmrf_icp.evaluate.report.tables import NOTHING, Cell, Group, Row, Table
@@ -26,7 +26,7 @@ FIELD = "hmrf"
 """The paper's method in ``results.csv``."""
 
 
-def paper_start(study: Study) -> Start | None:
+def paper_start(study: Study) -> ReportedStart | None:
     """Return the start of the paper's plots, a turn by pi/30 alone, if it was run."""
     for start in study.starts:
         if start.translation == 0 and math.isclose(start.angle, PAPER_ANGLE, rel_tol=1e-3):
@@ -83,7 +83,7 @@ def maxima_table(study: Study) -> Table | None:
     )
 
 
-def comparable_starts(study: Study, paper: PaperRows) -> Iterator[tuple[Start, float]]:
+def comparable_starts(study: Study, paper: PaperRows) -> Iterator[tuple[ReportedStart, float]]:
     """Our starts that a released file can be held against, with the angle of its rows.
 
     A turn alone, by an angle that the file has. A file that does not say how
@@ -102,7 +102,7 @@ def comparable_starts(study: Study, paper: PaperRows) -> Iterator[tuple[Start, f
 
 
 def medians_table(
-    study: Study, paper: PaperRows, start: Start | None, angle: float, column: str
+    study: Study, paper: PaperRows, start: ReportedStart | None, angle: float, column: str
 ) -> Table:
     """Medians by decile of overlap, the paper's over ours, for one kind of error.
 
@@ -170,12 +170,12 @@ def decile_medians(
     return np.array(middles), np.array(medians)
 
 
-def _our_row(study: Study, paper: PaperRows, start: Start, number: int, column: str) -> Row:
+def _our_row(study: Study, paper: PaperRows, start: ReportedStart, number: int, column: str) -> Row:
     runs = study.runs.where(study.runs.begun_at(start) & (study.runs.decile == number))
     cells = [
-        _median(runs[column][runs.of(m)]) if m in PAPER_METHODS else NOTHING for m in paper.methods
+        _median(runs[column][runs.of(m)]) if m in PAPER_ORDER else NOTHING for m in paper.methods
     ]
-    counts = {int(runs.of(m).sum()) for m in PAPER_METHODS if m in study.runs.methods}
+    counts = {int(runs.of(m).sum()) for m in PAPER_ORDER if m in study.runs.methods}
     return Row(f"{decile_label(number)}: here ({_rows(max(counts, default=0))})", cells)
 
 

@@ -8,7 +8,7 @@ from dataclasses import dataclass
 import numpy as np
 
 from hmrf_icp.evaluate.report.cast import Band
-from hmrf_icp.evaluate.report.methods import Method
+from hmrf_icp.evaluate.report.methods import ReportedMethod
 from hmrf_icp.evaluate.report.runs import Mask
 from hmrf_icp.evaluate.report.statistics import Array, area_under_roc, reliability
 from hmrf_icp.evaluate.report.study import Study
@@ -57,7 +57,7 @@ def score_of(study: Study, methods: Sequence[str], label: str, column: str) -> S
     )
 
 
-def own_score(study: Study, method: Method) -> Score | None:
+def own_score(study: Study, method: ReportedMethod) -> Score | None:
     """Return a method's confidence, or else its fitness; None where it tells neither."""
     for column in ("confidence", "fitness"):
         score = score_of(study, [method.name], method.label, column)

@@ -31,7 +31,7 @@ from hmrf_icp.evaluate.report.recall_figures import (
     time_against_recall,
 )
 from hmrf_icp.evaluate.report.recall_tables import recall_by_decile_table, recall_table
-from hmrf_icp.evaluate.report.runs import Start
+from hmrf_icp.evaluate.report.runs import ReportedStart
 from hmrf_icp.evaluate.report.study import Study
 from hmrf_icp.evaluate.report.style import Drawing
 from hmrf_icp.evaluate.report.tables import Table
@@ -151,7 +151,7 @@ def _paper(study: Study, papers: Sequence[PaperRows]) -> Section:
             "The authors' released rows can be held against these with --paper-csv FILE."
         )
     for paper in papers:
-        compared: list[tuple[Start | None, float]] = [*comparable_starts(study, paper)]
+        compared: list[tuple[ReportedStart | None, float]] = [*comparable_starts(study, paper)]
         compared = compared or [(None, PAPER_ANGLE)]
         for start, angle in compared:
             items.append(medians_figure(study, paper, start, angle))

@@ -8,7 +8,7 @@ from collections.abc import Callable, Sequence
 import numpy as np
 
 from hmrf_icp.evaluate.report.cast import Band
-from hmrf_icp.evaluate.report.methods import Method
+from hmrf_icp.evaluate.report.methods import ReportedMethod
 from hmrf_icp.evaluate.report.recall_tables import MIXED, Slice
 from hmrf_icp.evaluate.report.statistics import decile_label, median
 from hmrf_icp.evaluate.report.study import Study
@@ -39,7 +39,7 @@ def accuracy_table(study: Study, bands: Sequence[Band], name: str = "accuracy") 
         parts.append(Slice())
         labels.append(MIXED)
 
-    def cells(method: Method) -> list[Cell]:
+    def cells(method: ReportedMethod) -> list[Cell]:
         row = []
         for part in parts:
             mask = part.of(runs) & runs.of(method.name) & study.solved
@@ -63,7 +63,7 @@ def effort_table(study: Study, bands: Sequence[Band], name: str = "effort") -> T
     """List iterations and times of every method over all its runs."""
     runs = study.runs
 
-    def cells(method: Method) -> list[Cell]:
+    def cells(method: ReportedMethod) -> list[Cell]:
         mask = runs.of(method.name)
         times = runs["seconds"][mask]
         times = times[np.isfinite(times)]
@@ -142,7 +142,7 @@ def pairs_table(study: Study) -> Table:
 
 
 def _by_band(
-    study: Study, bands: Sequence[Band], cells: Callable[[Method], Sequence[Cell]]
+    study: Study, bands: Sequence[Band], cells: Callable[[ReportedMethod], Sequence[Cell]]
 ) -> list[Group]:
     return [
         Group(

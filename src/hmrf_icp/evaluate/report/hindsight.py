@@ -7,7 +7,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from hmrf_icp.evaluate.report.methods import Method, Roster, best, family_label
+from hmrf_icp.evaluate.report.methods import ReportedMethod, Roster, best, family_label
 from hmrf_icp.evaluate.report.runs import Mask, Runs, Success
 from hmrf_icp.evaluate.report.statistics import Share
 
@@ -32,7 +32,7 @@ class Oracle:
         return Share.of(self.solved if among is None else self.solved[among])
 
 
-def oracle(runs: Runs, peers: Sequence[Method], success: Success) -> Oracle:
+def oracle(runs: Runs, peers: Sequence[ReportedMethod], success: Success) -> Oracle:
     """Count a problem as solved if any peer at any threshold solved it."""
     tried = np.flatnonzero(np.isin(runs["method"], [peer.name for peer in peers]))
     numbers, first, place = np.unique(runs.problem[tried], return_index=True, return_inverse=True)
@@ -54,9 +54,9 @@ class Hindsight:
     """
 
     label: str
-    peers: tuple[Method, ...]
+    peers: tuple[ReportedMethod, ...]
 
-    def best(self, runs: Runs, success: Success) -> Method:
+    def best(self, runs: Runs, success: Success) -> ReportedMethod:
         """Return the single setting that solves most of some runs."""
         return best(runs, self.peers, success)
 

@@ -4,17 +4,19 @@ from __future__ import annotations
 
 from hmrf_icp.evaluate.report.comparison import decile_medians
 from hmrf_icp.evaluate.report.methods import LABELS
-from hmrf_icp.evaluate.report.published import PAPER_METHODS, PaperRows
-from hmrf_icp.evaluate.report.runs import Start, angle_label
+from hmrf_icp.evaluate.report.published import PAPER_ORDER, PaperRows
+from hmrf_icp.evaluate.report.runs import ReportedStart, angle_label
 from hmrf_icp.evaluate.report.study import Study
 from hmrf_icp.evaluate.report.style import BLUE, GREY, Drawing, drawing_style, sheet
 
 KINDS = (("error_m", "Translation (m)"), ("error_rad", "Rotation (rad)"))
 
 
-def medians_figure(study: Study, paper: PaperRows, start: Start | None, angle: float) -> Drawing:
+def medians_figure(
+    study: Study, paper: PaperRows, start: ReportedStart | None, angle: float
+) -> Drawing:
     """Draw a column of panels a method: medians of the paper dashed, ours solid."""
-    methods = [method for method in PAPER_METHODS if method in paper.methods]
+    methods = [method for method in PAPER_ORDER if method in paper.methods]
     chosen = paper.started_at(angle)
     ours = None if start is None else study.runs.where(study.runs.begun_at(start))
     with drawing_style():

@@ -8,7 +8,7 @@ from dataclasses import dataclass
 from typing import Any, Literal
 
 from hmrf_icp.evaluate.peers import START_FREE
-from hmrf_icp.evaluate.report.published import PAPER_METHODS
+from hmrf_icp.evaluate.report.published import PAPER_ORDER
 from hmrf_icp.evaluate.report.runs import Runs, Success
 
 Kind = Literal["paper", "preset", "peer"]
@@ -37,7 +37,7 @@ LABELS = {
 
 
 @dataclass(frozen=True)
-class Method:
+class ReportedMethod:
     """A method of the evaluation.
 
     Attributes
@@ -75,7 +75,7 @@ class Method:
 class Roster:
     """The methods of an evaluation, in three kinds."""
 
-    methods: tuple[Method, ...]
+    methods: tuple[ReportedMethod, ...]
 
     @classmethod
     def of(cls, runs: Runs, config: Mapping[str, Any]) -> Roster:
@@ -86,9 +86,9 @@ class Roster:
         """
         from hmrf_icp import presets
 
-        own = {*PAPER_METHODS, *presets.names(), *_names(config.get("methods"))}
+        own = {*PAPER_ORDER, *presets.names(), *_names(config.get("methods"))}
         found = (describe(name, own) for name in runs.methods)
-        rank = {name: place for place, name in enumerate(PAPER_METHODS)}
+        rank = {name: place for place, name in enumerate(PAPER_ORDER)}
         kinds: tuple[Kind, ...] = ("paper", "preset", "peer")
         ordered = sorted(
             found,
@@ -96,29 +96,29 @@ class Roster:
         )
         return cls(tuple(ordered))
 
-    def of_kind(self, *kinds: Kind) -> tuple[Method, ...]:
+    def of_kind(self, *kinds: Kind) -> tuple[ReportedMethod, ...]:
         """Return the methods of some kinds."""
         return tuple(method for method in self.methods if method.kind in kinds)
 
     @property
-    def own(self) -> tuple[Method, ...]:
+    def own(self) -> tuple[ReportedMethod, ...]:
         """The paper's methods and the presets."""
         return self.of_kind("paper", "preset")
 
     @property
-    def peers(self) -> tuple[Method, ...]:
+    def peers(self) -> tuple[ReportedMethod, ...]:
         """What other people have written."""
         return self.of_kind("peer")
 
     @property
-    def families(self) -> Mapping[str, tuple[Method, ...]]:
+    def families(self) -> Mapping[str, tuple[ReportedMethod, ...]]:
         """Peers by family, each in the order of its thresholds."""
-        families: dict[str, tuple[Method, ...]] = {}
+        families: dict[str, tuple[ReportedMethod, ...]] = {}
         for peer in self.peers:
             families[peer.family] = (*families.get(peer.family, ()), peer)
         return families
 
-    def headline(self, runs: Runs, success: Success) -> Method:
+    def headline(self, runs: Runs, success: Success) -> ReportedMethod:
         """Return the method that the report is about.
 
         The preset that solves most; without one the paper's field, HMRF; without
@@ -134,23 +134,23 @@ def family_label(family: str) -> str:
     return LABELS.get(family, family)
 
 
-def describe(name: str, own: Iterable[str]) -> Method:
+def describe(name: str, own: Iterable[str]) -> ReportedMethod:
     """Tell what a name stands for, given the names of this package's own methods."""
-    if name in PAPER_METHODS:
-        return Method(name, "paper", name)
+    if name in PAPER_ORDER:
+        return ReportedMethod(name, "paper", name)
     if name in own:
-        return Method(name, "preset", name)
+        return ReportedMethod(name, "preset", name)
     match = THRESHOLD.match(name)
     if match is None:
-        return Method(name, "peer", name)
-    return Method(name, "peer", match["family"], float(match["threshold"]))
+        return ReportedMethod(name, "peer", name)
+    return ReportedMethod(name, "peer", match["family"], float(match["threshold"]))
 
 
-def best(runs: Runs, methods: Sequence[Method], success: Success) -> Method:
+def best(runs: Runs, methods: Sequence[ReportedMethod], success: Success) -> ReportedMethod:
     """Return the method of the highest recall over some runs, the first of equals."""
     solved = runs.solved(success)
 
-    def recall(method: Method) -> float:
+    def recall(method: ReportedMethod) -> float:
         mask = runs.of(method.name)
         return float(solved[mask].mean()) if mask.any() else -1.0
 

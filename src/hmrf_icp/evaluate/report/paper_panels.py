@@ -7,8 +7,8 @@ from typing import TYPE_CHECKING
 import numpy as np
 from numpy.typing import NDArray
 
-from hmrf_icp.evaluate.report.methods import Method
-from hmrf_icp.evaluate.report.runs import Start
+from hmrf_icp.evaluate.report.methods import ReportedMethod
+from hmrf_icp.evaluate.report.runs import ReportedStart
 from hmrf_icp.evaluate.report.study import Study
 from hmrf_icp.evaluate.report.style import PAPER_COLOURS, Drawing, drawing_style, sheet
 
@@ -31,7 +31,7 @@ BEYOND = 0.995
 PRESET_MARKS = (("#ff8c00", "^"), ("#8b4513", "s"), ("#6a0dad", "D"), ("#708090", "v"))
 
 
-def paper_panels(study: Study, start: Start) -> Drawing:
+def paper_panels(study: Study, start: ReportedStart) -> Drawing:
     """Draw the four panels for one start, with the paper's colours for its six methods."""
     methods = study.roster.own or study.roster.methods
     runs = study.runs.where(study.runs.begun_at(start))
@@ -70,8 +70,8 @@ def paper_panels(study: Study, start: Start) -> Drawing:
 
 def _dots(
     axes: Axes,
-    method: Method,
-    methods: tuple[Method, ...],
+    method: ReportedMethod,
+    methods: tuple[ReportedMethod, ...],
     overlap: NDArray[np.float64],
     value: NDArray[np.float64],
 ) -> None:

@@ -20,7 +20,7 @@ from hmrf_icp.errors import InputError
 PAPER_ANGLE = math.pi / 30
 """Rotation of the starts in the paper's plots, radians."""
 
-PAPER_METHODS = ("all", "percent", "sigma", "x84", "dynamic", "hmrf")
+PAPER_ORDER = ("all", "percent", "sigma", "x84", "dynamic", "hmrf")
 """The paper's six, in the order of its legends."""
 
 COLUMN_PREFIXES = {

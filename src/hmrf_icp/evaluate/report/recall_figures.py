@@ -7,9 +7,9 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 from hmrf_icp.evaluate.report.hindsight import Hindsight
-from hmrf_icp.evaluate.report.methods import Method, best, family_label
+from hmrf_icp.evaluate.report.methods import ReportedMethod, best, family_label
 from hmrf_icp.evaluate.report.recall_tables import Slice, recall
-from hmrf_icp.evaluate.report.runs import Start
+from hmrf_icp.evaluate.report.runs import ReportedStart
 from hmrf_icp.evaluate.report.statistics import DECILES, Share, median
 from hmrf_icp.evaluate.report.study import Study
 from hmrf_icp.evaluate.report.style import (
@@ -138,7 +138,9 @@ def time_against_recall(study: Study) -> Drawing:
         )
 
 
-def _by_overlap(axes: Axes, study: Study, start: Start, methods: list[Method]) -> None:
+def _by_overlap(
+    axes: Axes, study: Study, start: ReportedStart, methods: list[ReportedMethod]
+) -> None:
     style = looks(study.roster.methods)
     for number, method in enumerate(methods):
         shares = [recall(study, method, Slice(start, d)) for d in range(DECILES)]
@@ -150,7 +152,7 @@ def _by_overlap(axes: Axes, study: Study, start: Start, methods: list[Method]) -
     recall_axis(axes)
 
 
-def _peers_by_overlap(axes: Axes, study: Study, start: Start) -> None:
+def _peers_by_overlap(axes: Axes, study: Study, start: ReportedStart) -> None:
     begun = study.runs.where(study.runs.begun_at(start))
     chosen = [best(begun, members, study.success) for members in _families(study)]
     if study.roster.own:
@@ -161,7 +163,7 @@ def _peers_by_overlap(axes: Axes, study: Study, start: Start) -> None:
         _line(axes, _middles(), shares, ORACLE_LOOK, "oracle", interval=False)
 
 
-def _oracle_by_decile(study: Study, hindsight: Hindsight, start: Start) -> list[Share]:
+def _oracle_by_decile(study: Study, hindsight: Hindsight, start: ReportedStart) -> list[Share]:
     oracle = hindsight.oracle(study.runs, study.success)
     return [oracle.share(Slice(start, d).of(oracle.problems)) for d in range(DECILES)]
 
@@ -185,7 +187,9 @@ def _line(
         axes.vlines(places, low, high, color=look.colour, linewidth=0.8, alpha=0.45)
 
 
-def _times(axes: Axes, study: Study, start: Start, members: tuple[Method, ...], look: Look) -> None:
+def _times(
+    axes: Axes, study: Study, start: ReportedStart, members: tuple[ReportedMethod, ...], look: Look
+) -> None:
     points = []
     for method in members:
         mask = study.runs.begun_at(start) & study.runs.of(method.name)
@@ -210,7 +214,7 @@ def _times(axes: Axes, study: Study, start: Start, members: tuple[Method, ...], 
             )
 
 
-def _families(study: Study) -> list[tuple[Method, ...]]:
+def _families(study: Study) -> list[tuple[ReportedMethod, ...]]:
     return list(study.roster.families.values())
 
 
@@ -226,7 +230,7 @@ def _words(share: Share) -> str:
     return "not run" if share.value is None else f"{share.value:.2f}"
 
 
-def _low_and_high(study: Study, method: Method) -> str:
+def _low_and_high(study: Study, method: ReportedMethod) -> str:
     words = []
     for start in study.starts:
         low = study.runs.begun_at(start) & study.runs.of(method.name)

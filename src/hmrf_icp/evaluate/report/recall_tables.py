@@ -8,8 +8,8 @@ from dataclasses import dataclass
 import numpy as np
 
 from hmrf_icp.evaluate.report.cast import Band, everybody
-from hmrf_icp.evaluate.report.methods import Method
-from hmrf_icp.evaluate.report.runs import Mask, Runs, Start
+from hmrf_icp.evaluate.report.methods import ReportedMethod
+from hmrf_icp.evaluate.report.runs import Mask, ReportedStart, Runs
 from hmrf_icp.evaluate.report.statistics import DECILES, Share, decile_label
 from hmrf_icp.evaluate.report.study import Study
 from hmrf_icp.evaluate.report.tables import NOTHING, Cell, Group, Row, Table
@@ -23,7 +23,7 @@ MIXED = "all starts"
 class Slice:
     """Runs that one column of a table is about: a start (None: every start) and a decile."""
 
-    start: Start | None = None
+    start: ReportedStart | None = None
     decile: int | None = None
 
     def of(self, runs: Runs) -> Mask:
@@ -36,7 +36,7 @@ class Slice:
         return mask
 
 
-def recall(study: Study, method: Method, part: Slice) -> Share:
+def recall(study: Study, method: ReportedMethod, part: Slice) -> Share:
     """Successes and runs of one method."""
     return Share.of(study.solved[part.of(study.runs) & study.runs.of(method.name)])
 
@@ -59,7 +59,7 @@ def recall_table(study: Study, bands: Sequence[Band], name: str = "recall") -> T
 
 
 def recall_by_decile_table(
-    study: Study, bands: Sequence[Band], start: Start, name: str = "recall-by-overlap"
+    study: Study, bands: Sequence[Band], start: ReportedStart, name: str = "recall-by-overlap"
 ) -> Table:
     """Recall from one start, by decile of overlap."""
     begun = study.runs.where(study.runs.begun_at(start))

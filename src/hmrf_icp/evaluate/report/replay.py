@@ -14,7 +14,7 @@ from numpy.typing import NDArray
 from hmrf_icp import datasets, se3
 from hmrf_icp.errors import HmrfIcpError, InputError, RegistrationWarning
 from hmrf_icp.evaluate import peers
-from hmrf_icp.evaluate.methods import Method, own_methods
+from hmrf_icp.evaluate.methods import NamedMethod, own_methods
 from hmrf_icp.evaluate.prepared import Prepared
 from hmrf_icp.evaluate.progress import Progress, silent
 from hmrf_icp.evaluate.protocol import Axes, Start, perturbed, true_transformation
@@ -74,7 +74,7 @@ class Replay:
     sequence: datasets.Sequence
     subsample: int
     axes: Axes
-    methods: Mapping[str, Method]
+    methods: Mapping[str, NamedMethod]
 
     @classmethod
     def of(cls, study: Study) -> Replay:

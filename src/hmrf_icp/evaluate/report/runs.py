@@ -52,7 +52,7 @@ class Success(NamedTuple):
         return f"{self.metres:g} m and {self.radians:g} rad"
 
 
-class Start(NamedTuple):
+class ReportedStart(NamedTuple):
     """How far from the true pose a run began: a rotation in radians, a translation in metres."""
 
     angle: float
@@ -121,12 +121,12 @@ class Runs:
         )
 
     @cached_property
-    def starts(self) -> tuple[Start, ...]:
+    def starts(self) -> tuple[ReportedStart, ...]:
         """The different starts, the smallest rotation first."""
         both = {*zip(self["angle"].tolist(), self["translation"].tolist(), strict=True)}
-        return tuple(Start(*start) for start in sorted(both))
+        return tuple(ReportedStart(*start) for start in sorted(both))
 
-    def begun_at(self, start: Start) -> Mask:
+    def begun_at(self, start: ReportedStart) -> Mask:
         """Mask the runs from one start."""
         mask: Mask = (self["angle"] == start.angle) & (self["translation"] == start.translation)
         return mask

@@ -13,8 +13,8 @@ from typing import Any
 from hmrf_icp.errors import InputError
 from hmrf_icp.evaluate.progress import Progress, silent
 from hmrf_icp.evaluate.report.hindsight import Hindsight, hindsights
-from hmrf_icp.evaluate.report.methods import Method, Roster
-from hmrf_icp.evaluate.report.runs import Mask, Runs, Start, Success, read_results
+from hmrf_icp.evaluate.report.methods import ReportedMethod, Roster
+from hmrf_icp.evaluate.report.runs import Mask, ReportedStart, Runs, Success, read_results
 
 
 @dataclass(frozen=True, eq=False)
@@ -71,7 +71,7 @@ class Study:
         return hindsights(self.roster)
 
     @cached_property
-    def headline(self) -> Method:
+    def headline(self) -> ReportedMethod:
         """The method that the report is about."""
         return self.roster.headline(self.runs, self.success)
 
@@ -81,7 +81,7 @@ class Study:
         return self.runs.solved(self.success)
 
     @property
-    def starts(self) -> tuple[Start, ...]:
+    def starts(self) -> tuple[ReportedStart, ...]:
         """The different starts."""
         return self.runs.starts
 

@@ -8,7 +8,7 @@ from contextlib import contextmanager
 from dataclasses import dataclass
 from typing import TYPE_CHECKING, Any
 
-from hmrf_icp.evaluate.report.methods import Method
+from hmrf_icp.evaluate.report.methods import ReportedMethod
 
 if TYPE_CHECKING:
     from matplotlib.axes import Axes
@@ -102,7 +102,7 @@ PEER_LOOKS = (
 ORACLE_LOOK = Look(BLACK, "", ":", 2.0)
 
 
-def looks(methods: Sequence[Method]) -> dict[str, Look]:
+def looks(methods: Sequence[ReportedMethod]) -> dict[str, Look]:
     """Give every method its look, the same in all figures; peers share that of their family."""
     chosen: dict[str, Look] = {}
     presets = [method for method in methods if method.kind == "preset"]

@@ -5,7 +5,7 @@ from __future__ import annotations
 from hmrf_icp.evaluate.report.confidence import LOW_OVERLAP, confident
 from hmrf_icp.evaluate.report.cost_tables import overlap_words
 from hmrf_icp.evaluate.report.recall_tables import Slice, recall
-from hmrf_icp.evaluate.report.runs import Start
+from hmrf_icp.evaluate.report.runs import ReportedStart
 from hmrf_icp.evaluate.report.statistics import Share, median
 from hmrf_icp.evaluate.report.study import Study
 
@@ -32,7 +32,7 @@ def _extent(study: Study) -> str:
     )
 
 
-def _start(study: Study, start: Start) -> str:
+def _start(study: Study, start: ReportedStart) -> str:
     headline = study.headline
     part = Slice(start)
     ours = recall(study, headline, part)

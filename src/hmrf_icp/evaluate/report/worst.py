@@ -8,7 +8,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from hmrf_icp.evaluate.report.cost_tables import overlap_words, three_digits
-from hmrf_icp.evaluate.report.runs import Start
+from hmrf_icp.evaluate.report.runs import ReportedStart
 from hmrf_icp.evaluate.report.study import Study
 
 UNEXPECTED = "Failed with the most overlap"
@@ -76,7 +76,7 @@ def _one_a_pair(study: Study, order: NDArray[np.intp], count: int, taken: set[st
 
 def _described(study: Study, index: int, reason: str) -> WorstRun:
     row = study.runs.where(np.array([index]))
-    start = Start(float(row["angle"][0]), float(row["translation"][0]))
+    start = ReportedStart(float(row["angle"][0]), float(row["translation"][0]))
     title = f"Source {row['source'][0]} to target {row['target'][0]}"
     facts = [f"Overlap {overlap_words(float(row['overlap'][0]))}", f"started {start.label} off"]
     if str(row["axis"][0]):
