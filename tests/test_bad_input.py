@@ -53,7 +53,7 @@ def few(count):
         (np.zeros((4, 5, 4)), r"got \(4, 5, 4\)"),
         (np.zeros(30), r"got \(30,\)"),
         (5, r"got \(\)"),
-        ("cloud.ply", "expected a PointCloud, an array of points or an object with .points"),
+        ("cloud.ply", "no such file"),
         (None, "source|target"),
         ([[1, 2, 3], [4, 5]], "expected a PointCloud"),
         (np.array([["a", "b", "c"]]), "expected a PointCloud"),

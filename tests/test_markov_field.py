@@ -102,7 +102,7 @@ def test_every_variant_finds_the_motion(name):
 def test_clouds_without_a_grid_have_a_field_too():
     source, target = clouds(1, 36, 44)
     result = hmrf_icp.register(
-        *unorganised(source, target), preset="paper", rejector=MarkovField(), criteria=PATIENT
+        *unorganised(source, target), preset="paper", rejector=presets.FIELD, criteria=PATIENT
     )
     translation, rotation = se3.error(result.transformation, synthetic.TRUTH)
     assert translation < 0.03
@@ -168,7 +168,7 @@ def test_evidence_decides_where_distances_do_not():
     assert told.inlier[200:].mean() > 0.3
     certain = np.full(400, -np.inf)
     assert not reject(matches(distance, certain), None).inlier.any()
-    with pytest.raises(InputError, match="evidence"):
+    with pytest.raises(InputError, match="label_log_odds"):
         reject(matches(distance, np.full(400, np.nan)), None)
 
 

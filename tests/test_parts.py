@@ -28,7 +28,7 @@ class ScipyMatcher:
     """The same neighbours from another library."""
 
     def prepare(self, source, target):
-        tree = cKDTree(target.observed_points)
+        tree = cKDTree(target.points)
 
         def match(source):
             distance, index = tree.query(source.points)
@@ -52,7 +52,7 @@ class TranslationOnly:
     """No rotation: the mean of the differences."""
 
     def prepare(self, source, target):
-        closest = target.observed_points
+        closest = target.points
 
         def align(source, matches, labels):
             difference = (closest[matches.index] - source.points)[labels.inlier]
@@ -193,7 +193,7 @@ def test_nearest_neighbours_with_tolerance_are_almost_the_nearest(tolerance):
     loose = NearestNeighbour(tolerance=tolerance).prepare(
         PreparedCloud(cloud), PreparedCloud(cloud)
     )(placed)
-    apart = np.linalg.norm(moved - cloud.observed_points[loose.index], axis=1)
+    apart = np.linalg.norm(moved - cloud.points[loose.index], axis=1)
     np.testing.assert_allclose(loose.distance, apart, atol=1e-15)
     assert (loose.distance <= (1 + tolerance) * exact.distance).all()
     assert (loose.distance > exact.distance).any()

@@ -88,7 +88,7 @@ def test_clouds_without_a_grid_or_a_viewpoint_are_registered_too():
     assert metres < 0.02
     assert radians < 0.01
     assert result.inlier_probability.shape == source.shape
-    assert not result.visibility.seen
+    assert not result.visibility.views
 
 
 def test_a_full_resolution_pair_has_a_label_at_every_observed_pixel():
@@ -220,7 +220,7 @@ def test_the_less_a_direction_is_known_the_less_is_believed():
     assert found == sorted(found)
     assert found[-1] == confidence(visibility) > 0.9
     assert found[1] < 0.5
-    unseen = replace(visibility, seen=False)
+    unseen = replace(visibility, views=False)
     assert (
         0.0
         < confidence(unseen, 0.5)

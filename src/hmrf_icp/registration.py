@@ -88,7 +88,10 @@ def register(
     True
     """
     started = time.perf_counter()
-    moving, fixed = prepare(_read(source), "source"), prepare(_read(target), "target")
+    moving, fixed = (
+        prepare(_read(cloud, name), name)
+        for cloud, name in ((source, "source"), (target, "target"))
+    )
     start = se3.as_rigid(init, "init")
     warn_of_units(moving, fixed)
 
@@ -151,14 +154,17 @@ def between_frames(
 
 
 def _read(
-    cloud: PreparedCloud | PointCloudLike | str | os.PathLike[str],
+    cloud: PreparedCloud | PointCloudLike | str | os.PathLike[str], name: str
 ) -> PreparedCloud | PointCloudLike:
     """Read a cloud that is given as a file."""
     if not isinstance(cloud, str | os.PathLike):
         return cloud
     from hmrf_icp.io import read_cloud
 
-    return read_cloud(cloud)
+    try:
+        return read_cloud(cloud)
+    except InputError as error:
+        raise InputError(f"{name}: {error}") from None
 
 
 def free_motions(loop: LoopResult) -> tuple[FreeMotion, ...]:

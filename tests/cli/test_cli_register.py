@@ -113,7 +113,7 @@ def test_another_metric_and_what_a_bare_wall_leaves_free(command, tmp_path):
     assert out.count("translation along") == 2
     _, out, _ = command("register", wall, wall, *options, "--json")
     content = json.loads(out)
-    assert content["metric"] == "point-to-plane"
+    assert content["aligner"] == "point-to-plane"
     assert np.shape(content["information"]) == (6, 6)
     assert [np.shape(free["twist"]) for free in content["degenerate"]] == [(6,)] * 3
     assert content["degenerate"][0]["motion"].startswith("rotation about")

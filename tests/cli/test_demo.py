@@ -36,7 +36,7 @@ def test_the_start_is_turned_about_the_centroid_by_the_papers_angle(pair):
 
 @pytest.mark.parametrize("preset", hmrf_icp.presets.names())
 def test_every_preset_finds_the_pose_of_the_demo(pair, preset):
-    result = hmrf_icp.register(pair.source, pair.target, pair.init, preset)
+    result = hmrf_icp.register(pair.source, pair.target, pair.init, preset=preset)
     metres, radians = se3.error(result.transformation, pair.truth)
     assert metres < 0.02
     assert radians < 0.02
