@@ -67,8 +67,9 @@ Its axis, if it has one, is five sizes of the scene away.
 class Split(NamedTuple):
     """Motions (6, k) that the matches leave free, and those (6, 6 - k) that they determine.
 
-    Together the columns are an orthonormal basis. ``weakest`` is how many times the
-    information that it must have the least known direction has; below 1 it is free.
+    Together the columns are an orthonormal basis. ``weakest`` is the
+    smallest eigenvalue of the information relative to the least that is followed; below 1
+    that direction is free.
     """
 
     free: Array
