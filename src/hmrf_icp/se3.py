@@ -20,8 +20,8 @@ RIGID_TOLERANCE = 2e-3
 """How far ``R.T @ R`` may stand from the identity before a matrix is refused.
 
 Pose files are written with three decimals or more. Three round an entry by 5e-4 at most, and an
-entry of ``R.T @ R``, the product of two unit columns, by 2 * sqrt(3) * 5e-4 = 1.73e-3 and the square
-of that: accepted, and made a rotation again. A scale of 0.2 % is refused.
+entry of ``R.T @ R``, the product of two unit columns, by 2 * sqrt(3) * 5e-4 = 1.73e-3 and a
+little: accepted, and made a rotation again. A scale of 0.2 % is refused.
 """
 
 
