@@ -8,6 +8,7 @@ interrupted, 141 nobody reads the output any more.
 
 from __future__ import annotations
 
+import io
 import os
 import sys
 import warnings
@@ -74,6 +75,10 @@ app.command()(report)
 
 def main() -> None:
     """Entry point of the ``hmrf-icp`` command."""
+    for stream in (sys.stdout, sys.stderr):
+        if isinstance(stream, io.TextIOWrapper):
+            # The name of a file may be no text in this encoding; it is shown all the same.
+            stream.reconfigure(errors="backslashreplace")
     app(prog_name="hmrf-icp")
 
 

@@ -55,7 +55,10 @@ class PinholeCamera:
     @classmethod
     def from_matrix(cls, matrix: ArrayLike, width: int, height: int) -> PinholeCamera:
         """Read a camera from its (3, 3) matrix K, for images of ``width`` x ``height`` pixels."""
-        k = np.asarray(matrix, dtype=np.float64)
+        try:
+            k = np.asarray(matrix, dtype=np.float64)
+        except (TypeError, ValueError) as error:
+            raise InputError(f"camera: expected a 3 x 3 matrix K of numbers: {error}") from None
         if k.shape != (3, 3):
             raise InputError(f"camera: expected a 3 x 3 matrix K, got shape {k.shape}")
         expected_zero = (k[0, 1], k[1, 0], k[2, 0], k[2, 1])

@@ -3,7 +3,8 @@
 from __future__ import annotations
 
 import math
-from dataclasses import dataclass
+from collections.abc import Mapping
+from dataclasses import dataclass, field
 from functools import cached_property
 from typing import Any, Protocol, TypeAlias
 
@@ -12,6 +13,7 @@ from numpy.typing import ArrayLike, NDArray
 
 from hmrf_icp.clouds.camera import PinholeCamera
 from hmrf_icp.errors import InputError
+from hmrf_icp.per_point import Attributes, beside_points, normals_for
 
 MINIMUM_POINTS = 10
 """Fewer observed points than this are refused: six unknowns and some evidence against chance."""
@@ -42,16 +44,23 @@ class PointCloud:
         (3,) where the sensor stood in the cloud's frame, metres; known for a
         LiDAR scan that has not been moved (the origin). A cloud with a camera
         has its viewpoint at the origin.
+    normals
+        Of the points' shape, in the cloud's frame; any length, NaN where there is none.
+    attributes
+        What else there is for each point (colours, intensities, times) by its
+        name in the file, (H, W), (N,) or with one axis more. It travels along untouched.
 
     Raises
     ------
     InputError
-        The array has another shape, or no camera of that size.
+        An array has another shape or holds no numbers, or no camera of that size.
     """
 
     points: NDArray[np.float64]
     camera: PinholeCamera | None = None
     viewpoint: NDArray[np.float64] | None = None
+    normals: NDArray[np.float64] | None = None
+    attributes: Mapping[str, NDArray[Any]] = field(default_factory=dict)
 
     def __post_init__(self) -> None:
         """Copy the points, mark what is unobserved with NaN, and freeze the arrays."""
@@ -70,7 +79,10 @@ class PointCloud:
             self._check_camera(self.camera)
             object.__setattr__(self, "viewpoint", np.zeros(3))
         elif self.viewpoint is not None:
-            viewpoint = np.array(self.viewpoint, dtype=np.float64)
+            try:
+                viewpoint = np.array(self.viewpoint, dtype=np.float64)
+            except (TypeError, ValueError):
+                viewpoint = np.empty(0)
             if viewpoint.shape != (3,) or not np.isfinite(viewpoint).all():
                 raise InputError(f"viewpoint: expected three finite numbers, got {self.viewpoint}")
             object.__setattr__(self, "viewpoint", viewpoint)
@@ -78,6 +90,9 @@ class PointCloud:
             # No sensor sees where it stands: so recorders write beams that did not return.
             points[each(points == self.viewpoint)] = np.nan
         points.flags.writeable = False
+        if self.normals is not None:
+            object.__setattr__(self, "normals", normals_for(points, self.normals))
+        object.__setattr__(self, "attributes", Attributes(self.attributes, points.shape[:-1]))
 
     def _check_camera(self, camera: PinholeCamera) -> None:
         if self.points.ndim != 3:
@@ -176,10 +191,14 @@ class PointCloud:
         """Keep every ``step``-th row and column (organised) or every ``step``-th point."""
         if step < 1:
             raise InputError(f"subsample: expected a step of 1 or more, got {step}")
-        if not self.organised:
-            return PointCloud(self.points[::step], None, self.viewpoint)
-        camera = None if self.camera is None else self.camera.subsampled(step)
-        return PointCloud(self.points[::step, ::step], camera, self.viewpoint)
+        kept = (slice(None, None, step),) * len(self.shape)
+        return PointCloud(
+            self.points[kept],
+            None if self.camera is None else self.camera.subsampled(step),
+            self.viewpoint,
+            None if self.normals is None else self.normals[kept],
+            {name: values[kept] for name, values in self.attributes.items()},
+        )
 
     def __len__(self) -> int:
         return int(np.count_nonzero(self.observed))
@@ -213,6 +232,8 @@ PointCloudLike: TypeAlias = PointCloud | HasPoints | ArrayLike
 def as_cloud(cloud: PointCloudLike, name: str = "cloud") -> PointCloud:
     """Take anything that holds points: a PointCloud, an array, an object with ``.points``.
 
+    Its ``.normals`` and ``.colors`` come along where it has them, as Open3D's clouds do.
+
     Raises
     ------
     InputError
@@ -222,7 +243,9 @@ def as_cloud(cloud: PointCloudLike, name: str = "cloud") -> PointCloud:
         return cloud
     points = getattr(cloud, "points", cloud)
     try:
-        return PointCloud(np.asarray(points, dtype=np.float64))
+        array = np.asarray(points, dtype=np.float64)
+        beside = {} if points is cloud or array.ndim != 2 else beside_points(cloud, len(array))
+        return PointCloud(array, **beside)
     except InputError as error:
         raise InputError(f"{name}: {error}") from None
     except (TypeError, ValueError) as error:
