@@ -23,7 +23,7 @@ from hmrf_icp.cli.demo import demo
 from hmrf_icp.cli.evaluate import evaluate
 from hmrf_icp.cli.register import register
 from hmrf_icp.cli.report import report
-from hmrf_icp.errors import HmrfIcpError, RegistrationWarning
+from hmrf_icp.errors import HmrfIcpError, RegistrationWarning, interruptible
 
 BAD_INPUT = 2
 INTERRUPTED = 128 + 2
@@ -39,7 +39,7 @@ class _Commands(TyperGroup):
         What is not listed here is a mistake of this program, and shows its traceback.
         """
         try:
-            with _warnings_in_one_line():
+            with _warnings_in_one_line(), interruptible():
                 outcome = super().invoke(ctx)
                 sys.stdout.flush()
                 return outcome

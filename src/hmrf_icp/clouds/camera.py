@@ -42,9 +42,16 @@ class PinholeCamera:
 
     def __post_init__(self) -> None:
         """Refuse what cannot be a camera."""
+        for name in ("width", "height"):
+            pixels = getattr(self, name)
+            if not isinstance(pixels, (int, float, np.number)) or pixels % 1 != 0:
+                raise InputError(f"camera: {name} must be a whole number of pixels, got {pixels!r}")
+            object.__setattr__(self, name, int(pixels))
         numbers = (self.fx, self.fy, self.cx, self.cy)
         if not all(isinstance(n, (int, float, np.number)) and math.isfinite(n) for n in numbers):
             raise InputError(f"camera: fx, fy, cx, cy must be finite numbers, got {numbers}")
+        for name, number in zip(("fx", "fy", "cx", "cy"), numbers, strict=True):
+            object.__setattr__(self, name, float(number))
         if self.width < 1 or self.height < 1:
             raise InputError(f"camera: an image of {self.width} x {self.height} has no pixels")
         if self.fx <= 0 or self.fy <= 0:

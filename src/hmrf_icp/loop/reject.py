@@ -15,6 +15,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from hmrf_icp.clouds.prepared import PreparedCloud
+from hmrf_icp.clouds.tree import Tree
 from hmrf_icp.loop.match import Matches
 
 Array = NDArray[np.float64]
@@ -183,7 +184,5 @@ def first_valley(distance: Array) -> float:
 
 def mean_neighbour_distance(points: Array) -> float:
     """Mean distance of points (N, 3) to their nearest other point, metres."""
-    from pykdtree.kdtree import KDTree
-
-    distance, _ = KDTree(points).query(points, k=2)
+    distance, _ = Tree(points).query(points, k=2)
     return float(distance[:, 1].mean())
