@@ -336,11 +336,10 @@ def require_registrable(cloud: PointCloud, name: str) -> None:
                 f"{name}: {len(points)} points at {places} places, "
                 f"expected at least {MINIMUM_POINTS} places"
             )
-    if not float(np.ptp(points, axis=0).max()) > SMALLEST_SIZE:
-        raise InputError(
-            f"{name}: {len(points)} points within {np.ptp(points, axis=0).max():.3g} m; "
-            "expected metres"
-        )
+    if not np.ptp(some_of(points), axis=0).max() > SMALLEST_SIZE:
+        side = float(np.ptp(points, axis=0).max())
+        if not side > SMALLEST_SIZE:
+            raise InputError(f"{name}: {len(points)} points within {side:.3g} m; expected metres")
     # A few points off the line tell as much as all of them; only none calls for a second look.
     if _dimensions(some_of(points), size) < 2:
         dimensions = _dimensions(points, size)

@@ -17,6 +17,14 @@ PASSES = 12
 More where even a trillionth of the longest side leaves too few (one point far from all others).
 """
 
+Array = NDArray[np.float64]
+
+SAMPLED = 8
+"""Points looked at for each that is to stay, to begin with, where there are many more."""
+
+CLOSE = 0.9
+"""Share of the points asked for that are enough."""
+
 FINEST = 1e-15
 """Smallest edge of a cell, as a share of the cloud's longest side: cells are counted in 63 bits."""
 
@@ -77,55 +85,85 @@ def _every_nth(cloud: PointCloud, most: int) -> Downsampled:
 def _one_a_cell(cloud: PointCloud, most: int) -> Downsampled:
     points = cloud.observed_points
     owner = np.empty(len(points), np.int32)
-    rows = thinned(points, _edge(points, most), owner=owner)
+    cells = Cells(points)
+    rows = cells.first(_edge(cells, points, most), owner=owner)
     few = PointCloud(points[rows], None, cloud.viewpoint, notes=cloud.notes)
     return Downsampled(few, owner.astype(np.intp))
 
 
-def thinned(
-    points: NDArray[np.float64],
-    edge: float,
-    most: int | None = None,
-    owner: NDArray[np.int32] | None = None,
-) -> NDArray[np.int64]:
+def thinned(points: Array, edge: float) -> NDArray[np.int64]:
     """Rows of the points (M, 3) that come first in their cell of ``edge`` metres, in order.
+
+    0 keeps one of the points that coincide.
+    """
+    return Cells(points).first(edge)
+
+
+class Cells:
+    """A grid of cubes laid over points.
 
     Parameters
     ----------
     points
-        Finite, metres.
-    edge
-        Of the cells; 0 keeps one of the points that coincide.
-    most
-        Cells after which it gives up, and returns one row more than that.
-    owner
-        (M,) to write to which of the rows returned is of the cell of each point.
+        (M, 3) finite, M of 1 or more; metres.
     """
-    from hmrf_icp.kernels.cells import first_of_each
-    from hmrf_icp.kernels.compiled import read_only
 
-    low = points.min(axis=0)
-    side = float((points.max(axis=0) - low).max())
-    if not side > 0.0:
-        low, edge = low - 0.5, 1.0
-    rows: NDArray[np.int64] = first_of_each(
-        read_only(points),
-        low,
-        max(edge, FINEST * side),
-        len(points) if most is None else most,
-        np.empty(0, np.int32) if owner is None else owner,
-    )
-    return rows
+    def __init__(self, points: Array) -> None:
+        from hmrf_icp.kernels.cells import bounds
+        from hmrf_icp.kernels.compiled import read_only
+
+        self._points = read_only(points)
+        self._corner, high = bounds(self._points)
+        self.side = float((high - self._corner).max())
+
+    def first(
+        self, edge: float, most: int | None = None, owner: NDArray[np.int32] | None = None
+    ) -> NDArray[np.int64]:
+        """Rows of the points that come first in their cell of ``edge`` metres, in order.
+
+        Parameters
+        ----------
+        edge
+            Of the cells; 0 keeps one of the points that coincide.
+        most
+            Cells after which it gives up, and returns one row more than that.
+        owner
+            (M,) to write to which of the rows returned is of the cell of each point.
+        """
+        from hmrf_icp.kernels.cells import first_of_each
+
+        rows: NDArray[np.int64] = first_of_each(
+            self._points,
+            self._corner,
+            max(edge, FINEST * self.side) if self.side > 0.0 else 1.0,
+            len(self._points) if most is None else most,
+            np.empty(0, np.int32) if owner is None else owner,
+        )
+        return rows
 
 
-def _edge(points: NDArray[np.float64], most: int) -> float:
-    """Edge of the cells that leave about ``most`` points, by bisection, metres."""
-    low, high = 0.0, float(np.ptp(points, axis=0).max())
+def _edge(cells: Cells, points: Array, most: int) -> float:
+    """Edge of the cells that leave about ``most`` of the points and no more, metres."""
+    low, high = 0.0, cells.side
+    if len(points) > 2 * SAMPLED * most:
+        # Nearly every cell has one of the sample: what is wrong is a little too small.
+        sample = np.ascontiguousarray(points[:: len(points) // (SAMPLED * most)])
+        found = _edge(Cells(sample), sample, most)
+        for _ in range(PASSES):
+            count = len(cells.first(found, 2 * most))
+            if CLOSE * most <= count <= most:
+                return found
+            low, high = (found, high) if count > most else (low, found)
+            # Cells of a surface: as many as the square of the edge is small.
+            found *= math.sqrt(count / (0.5 * (1.0 + CLOSE) * most))
+            if not low < found < high:
+                found = 0.5 * (low + high)
+        return high
     finest = FINEST * high
     passes = 0
     while passes < PASSES or (low == 0.0 and high > finest):
         middle = 0.5 * (low + high) if low > 0.0 else 0.1 * high
-        if len(thinned(points, middle, most)) > most:
+        if len(cells.first(middle, most)) > most:
             low = middle
         else:
             high = middle

@@ -47,6 +47,8 @@ def read_npy(path: Path) -> NDArray[Any]:
 def read_npz(path: Path) -> PointCloud:
     """Read a cloud from the array ``points`` of an archive, or from its only array.
 
+    Open3D's archives call it ``positions``.
+
     ``camera`` (3, 3), ``viewpoint`` (3,) and ``normals``, which `write_npz` adds, are read where
     they are there. Any other array with one value, or one row of values, for each point is an
     attribute.
@@ -63,14 +65,15 @@ def read_npz(path: Path) -> PointCloud:
                 raise InputError(f"{path}: an NPY array by the name of an NPZ archive")
         with zipfile.ZipFile(path) as archive:
             members = {info.filename.removesuffix(".npy"): info for info in archive.infolist()}
-            if "points" not in members and len(members) != 1:
+            named = [name for name in ("points", "positions") if name in members]
+            if not named and len(members) != 1:
                 shown = ", ".join(repr(name) for name in [*members][:_SHOWN])
                 more = f" and {len(members) - _SHOWN} more" if len(members) > _SHOWN else ""
                 raise InputError(
                     f"{path}: expected an array called 'points', found "
                     + (shown + more or "no array at all")
                 )
-            first = "points" if "points" in members else next(iter(members))
+            first = (named or list(members))[0]
             require_bounded(
                 path,
                 sum(info.compress_size for info in members.values()),
