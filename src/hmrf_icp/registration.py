@@ -11,7 +11,7 @@ import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
 from hmrf_icp import presets, se3, threads
-from hmrf_icp.clouds.cloud import PointCloudLike, some_of
+from hmrf_icp.clouds.cloud import LARGEST_COORDINATE, PointCloudLike, some_of
 from hmrf_icp.clouds.prepared import PreparedCloud, prepare
 from hmrf_icp.errors import InputError, RegistrationWarning, interruptible
 from hmrf_icp.loop.align import Aligner
@@ -116,6 +116,11 @@ def _register(
         for cloud, name in ((source, "source"), (target, "target"))
     )
     start = se3.as_rigid(init, "init")
+    if se3.translation_norm(start) > LARGEST_COORDINATE:
+        raise InputError(
+            f"init: a translation of {se3.translation_norm(start):.3g} m; expected at most "
+            f"{LARGEST_COORDINATE:g} m"
+        )
     for name, cloud in (("source", moving), ("target", fixed)):
         for note in cloud.cloud.notes:
             warnings.warn(f"{name}: {note}", RegistrationWarning, stacklevel=stacklevel)
