@@ -16,7 +16,6 @@ from __future__ import annotations
 import argparse
 import collections
 import json
-import os
 import queue
 import resource
 import subprocess
@@ -114,7 +113,7 @@ def _sheet(rng: np.random.Generator, n: int) -> Any:
     return np.c_[uv, 0.2 * np.sin(4 * uv[:, 0]) * np.cos(3 * uv[:, 1])]
 
 
-def _lattice(rng: np.random.Generator, n: int) -> Any:
+def _lattice(_: np.random.Generator, n: int) -> Any:
     side = max(2, round(n ** (1 / 3)))
     return np.stack(np.meshgrid(*[np.arange(side, dtype=float)] * 3), axis=-1).reshape(-1, 3)
 
@@ -135,9 +134,10 @@ GEOMETRY = {
     "sheet": _sheet,
     "plane": lambda rng, n: rng.uniform(-1, 1, (n, 3)) * (1, 1, rng.choice([0.0, 1e-12, 1e-3])),
     "line": _line,
-    "two lines": lambda rng, n: np.where(
-        rng.random((n, 1)) < 0.5, [[1.0, 0, 0]], [[0, 1.0, 0.1]]
-    ) * rng.uniform(size=(n, 1)),
+    "two lines": lambda rng, n: (
+        np.where(rng.random((n, 1)) < 0.5, [[1.0, 0, 0]], [[0, 1.0, 0.1]])
+        * rng.uniform(size=(n, 1))
+    ),
     "sphere": _sphere,
     "lattice": _lattice,
     "twice": lambda rng, n: np.repeat(rng.normal(size=(max(2, n // 4), 3)), 4, axis=0),
@@ -150,16 +150,16 @@ GEOMETRY = {
 
 IMAGES = {
     "image": lambda rng, h, w: rng.uniform(0.5, 4.0, (h, w)),
-    "wall": lambda rng, h, w: np.full((h, w), 2.0),
-    "floor": lambda rng, h, w: 1.0 + np.tile(np.linspace(0, 1, h)[:, None], (1, w)),
-    "waves": lambda rng, h, w: (
+    "wall": lambda _, h, w: np.full((h, w), 2.0),
+    "floor": lambda _, h, w: 1.0 + np.tile(np.linspace(0, 1, h)[:, None], (1, w)),
+    "waves": lambda _, h, w: (
         2.0 + 0.2 * np.sin(np.arange(w) / 3)[None] + 0.1 * np.cos(np.arange(h) / 2)[:, None]
     ),
-    "step": lambda rng, h, w: np.where(np.arange(w)[None] < w // 2, 1.0, 3.0) * np.ones((h, 1)),
+    "step": lambda _, h, w: np.where(np.arange(w)[None] < w // 2, 1.0, 3.0) * np.ones((h, 1)),
     "sparse": lambda rng, h, w: np.where(
         rng.random((h, w)) < 0.1, rng.uniform(1, 2, (h, w)), np.nan
     ),
-    "rows": lambda rng, h, w: np.where(
+    "rows": lambda _, h, w: np.where(
         np.arange(h)[:, None] % 4 == 1, 2.0 + 0.1 * np.cos(np.arange(w) / 3)[None], np.nan
     ),
 }
@@ -218,7 +218,7 @@ def _start(rng: np.random.Generator, how: str, scale: float) -> Any:
         if which == 2:
             return pose[:3]
         if which == 3:
-            return pose.tolist() + [[0, 0, 0, 1]]
+            return [*pose.tolist(), [0, 0, 0, 1]]
         if which == 4:
             return str(pose)
     return pose
@@ -234,8 +234,7 @@ def outcome(one: Case) -> str:
                 for given in (one.source, one.target)
             ]
             result = hmrf_icp.register(*clouds, **one.arguments)
-        except hmrf_icp.InputError as error:
-            assert str(error)
+        except hmrf_icp.InputError:
             return "refused"
     for warning in heard:
         if not issubclass(warning.category, hmrf_icp.RegistrationWarning):
@@ -375,7 +374,7 @@ def _save(state: dict[str, Any], state_file: Path | None) -> None:
         return
     partial = state_file.with_suffix(".partial")
     partial.write_text(json.dumps(state, indent=1))
-    os.replace(partial, state_file)
+    partial.replace(state_file)
 
 
 def table(state: dict[str, Any]) -> str:
@@ -402,7 +401,7 @@ def main() -> None:
     given = parser.parse_args()
     if given.child is not None:
         first, count = given.child
-        limit = int(8 * 2**30)
+        limit = 8 * 2**30
         resource.setrlimit(resource.RLIMIT_AS, (limit, limit))
         for number in range(first, count):
             print(json.dumps(tried(given.seed, number)), flush=True)

@@ -44,7 +44,7 @@ class PinholeCamera:
         """Refuse what cannot be a camera."""
         for name in ("width", "height"):
             pixels = getattr(self, name)
-            if not isinstance(pixels, (int, float, np.number)) or pixels % 1 != 0:
+            if not isinstance(pixels, (int, float, np.number)) or float(pixels) % 1.0 != 0.0:
                 raise InputError(f"camera: {name} must be a whole number of pixels, got {pixels!r}")
             object.__setattr__(self, name, int(pixels))
         numbers = (self.fx, self.fy, self.cx, self.cy)

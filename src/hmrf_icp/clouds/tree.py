@@ -76,7 +76,8 @@ class Tree:
 
         def ask(piece: Array) -> tuple[Array, NDArray[np.uint32]]:
             with threads.one_openmp_thread():
-                return self._tree.query(piece, k=k, eps=eps)
+                distance, row = self._tree.query(piece, k=k, eps=eps)
+            return distance, row
 
         answers = workers.map(ask, pieces)
         if len(answers) == 1:

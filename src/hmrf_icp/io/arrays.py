@@ -73,7 +73,7 @@ def read_npz(path: Path) -> PointCloud:
                     f"{path}: expected an array called 'points', found "
                     + (shown + more or "no array at all")
                 )
-            first = (named or list(members))[0]
+            first = named[0] if named else next(iter(members))
             require_bounded(
                 path,
                 sum(info.compress_size for info in members.values()),
