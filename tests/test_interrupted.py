@@ -6,10 +6,10 @@ import signal
 
 import numpy as np
 import pytest
-import synthetic
 from typer.testing import CliRunner
 
 import hmrf_icp
+import synthetic
 from hmrf_icp import cli
 
 

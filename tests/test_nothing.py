@@ -4,9 +4,9 @@ from __future__ import annotations
 
 import numpy as np
 import pytest
-import synthetic
 
 import hmrf_icp
+import synthetic
 from hmrf_icp import PinholeCamera, PointCloud, RegistrationWarning
 
 CAMERA = PinholeCamera(20, 16, 18.0, 18.0, 9.5, 7.5)

@@ -11,9 +11,9 @@ import threading
 
 import numpy as np
 import pytest
-import synthetic
 
 import hmrf_icp
+import synthetic
 from hmrf_icp import threads
 from hmrf_icp.clouds import tree
 from hmrf_icp.clouds.tree import Tree

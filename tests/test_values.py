@@ -74,7 +74,7 @@ def test_a_zero_equals_its_negative():
 
 @pytest.mark.parametrize("route", ["copy", "deepcopy", "pickle"])
 def test_prepared_clouds_are_values_too(route):
-    far = prepare(clouds()[1].points + (4e6, 5e5, 100.0))
+    far = prepare(clouds()[1].points + np.array([4e6, 5e5, 100.0]))
     surface = far.surface
     other = ROUTES[route](far)
     assert other == far

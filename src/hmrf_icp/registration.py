@@ -116,10 +116,10 @@ def _register(
         for cloud, name in ((source, "source"), (target, "target"))
     )
     start = se3.as_rigid(init, "init")
-    if se3.translation_norm(start) > LARGEST_COORDINATE:
+    far = float(np.abs(start[:3, 3]).max())
+    if far > LARGEST_COORDINATE:
         raise InputError(
-            f"init: a translation of {se3.translation_norm(start):.3g} m; expected at most "
-            f"{LARGEST_COORDINATE:g} m"
+            f"init: a translation of {far:.3g} m; expected at most {LARGEST_COORDINATE:g} m"
         )
     for name, cloud in (("source", moving), ("target", fixed)):
         for note in cloud.cloud.notes:

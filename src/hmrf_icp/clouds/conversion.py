@@ -168,6 +168,8 @@ def _coordinates(array: NDArray[Any]) -> NDArray[np.float64]:
     if array.dtype.names is not None:
         return _of_array(array).points
     points = _filled(array)
+    if points.ndim == 0:
+        raise InputError(f"{ADVICE}; got {_what(array)}")
     columns = points.shape[-1] if points.ndim in (2, 3) else 0
     if columns == 3:
         return points

@@ -11,11 +11,11 @@ from numpy.typing import NDArray
 from hmrf_icp.clouds.cloud import PointCloud
 from hmrf_icp.clouds.tree import Tree
 
-PASSES = 12
-"""Edges that are tried for the cells of a grid, at the least: the last is within 1 % of the best.
+NEAR = 1.1
+"""Times an edge that leaves too many, within which the smallest that does not is found."""
 
-More where even a trillionth of the longest side leaves too few (one point far from all others).
-"""
+PASSES = 12
+"""Edges that are tried for the cells of a grid, at the least."""
 
 Array = NDArray[np.float64]
 
@@ -161,7 +161,7 @@ def _edge(cells: Cells, points: Array, most: int) -> float:
         return high
     finest = FINEST * high
     passes = 0
-    while passes < PASSES or (low == 0.0 and high > finest):
+    while passes < PASSES or (high > NEAR * low and high > finest):
         middle = 0.5 * (low + high) if low > 0.0 else 0.1 * high
         if len(cells.first(middle, most)) > most:
             low = middle
