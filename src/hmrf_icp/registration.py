@@ -10,10 +10,10 @@ from collections.abc import Callable
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
-from hmrf_icp import presets, se3
-from hmrf_icp.clouds.cloud import PointCloudLike, some_of
+from hmrf_icp import presets, se3, threads
+from hmrf_icp.clouds.cloud import LARGEST_COORDINATE, PointCloudLike, some_of
 from hmrf_icp.clouds.prepared import PreparedCloud, prepare
-from hmrf_icp.errors import InputError, RegistrationWarning
+from hmrf_icp.errors import InputError, RegistrationWarning, interruptible
 from hmrf_icp.loop.align import Aligner
 from hmrf_icp.loop.criteria import StoppingRule
 from hmrf_icp.loop.degeneracy import FreeMotion
@@ -36,6 +36,7 @@ def register(
     rejector: RejectorName | Rejector | None = None,
     aligner: AlignerName | Aligner | None = None,
     criteria: StoppingRule | None = None,
+    num_threads: int | None = None,
     on_iteration: Callable[[Iteration], None] | None = None,
 ) -> RegistrationResult:
     """Find the rigid motion that takes ``source`` onto ``target``.
@@ -61,6 +62,10 @@ def register(
         aligner of your own, in place of the method's.
     criteria
         When to stop, in place of the method's.
+    num_threads
+        Threads that look for neighbours, at most the cores that this process may use, which
+        is also the default. The result is the same with any number, and none of them
+        outlives the call.
     on_iteration
         Called with an :class:`Iteration` after each.
 
@@ -72,8 +77,9 @@ def register(
     Warns
     -----
     RegistrationWarning
-        The sizes of the clouds differ so much that their units probably do, or
-        so few inliers were left that no motion could be found from them.
+        The sizes of the clouds differ so much that their units probably do, some points
+        stand for "nothing measured", or so few inliers were left that no motion could
+        be found from them.
 
     Examples
     --------
@@ -87,13 +93,38 @@ def register(
     >>> bool(np.allclose(result.transformation, shift, atol=1e-6))
     True
     """
+    with threads.using(num_threads), interruptible():
+        return _register(
+            source, target, init, preset, rejector, aligner, criteria, on_iteration, stacklevel=3
+        )
+
+
+def _register(
+    source: PreparedCloud | PointCloudLike | str | os.PathLike[str],
+    target: PreparedCloud | PointCloudLike | str | os.PathLike[str],
+    init: ArrayLike | None,
+    preset: PresetName | Registrar,
+    rejector: RejectorName | Rejector | None,
+    aligner: AlignerName | Aligner | None,
+    criteria: StoppingRule | None,
+    on_iteration: Callable[[Iteration], None] | None,
+    stacklevel: int,
+) -> RegistrationResult:
     started = time.perf_counter()
     moving, fixed = (
         prepare(_read(cloud, name), name)
         for cloud, name in ((source, "source"), (target, "target"))
     )
     start = se3.as_rigid(init, "init")
-    warn_of_units(moving, fixed)
+    far = float(np.abs(start[:3, 3]).max())
+    if far > LARGEST_COORDINATE:
+        raise InputError(
+            f"init: a translation of {far:.3g} m; expected at most {LARGEST_COORDINATE:g} m"
+        )
+    for name, cloud in (("source", moving), ("target", fixed)):
+        for note in cloud.cloud.notes:
+            warnings.warn(f"{name}: {note}", RegistrationWarning, stacklevel=stacklevel)
+    warn_of_units(moving, fixed, stacklevel + 1)
 
     chosen = presets.preset(preset) if isinstance(preset, str) else preset
     if not isinstance(chosen, Registrar):
@@ -114,7 +145,7 @@ def register(
             f"stopped after {len(loop.history)} iterations: {np.count_nonzero(inlier)} inliers "
             f"among {inlier.size} points do not determine a motion; is the start too far off?",
             RegistrationWarning,
-            stacklevel=2,
+            stacklevel=stacklevel,
         )
     on_grid = moving.cloud.on_grid
     return RegistrationResult(
@@ -174,7 +205,7 @@ def free_motions(loop: LoopResult) -> tuple[FreeMotion, ...]:
     return tuple(FreeMotion(twist) for twist in loop.last.degenerate)
 
 
-def warn_of_units(source: PreparedCloud, target: PreparedCloud) -> None:
+def warn_of_units(source: PreparedCloud, target: PreparedCloud, stacklevel: int) -> None:
     """Warn where one cloud is a hundred times the size of the other, or more."""
     sizes = [
         float(np.median(np.linalg.norm(points - np.median(points, axis=0), axis=1)))
@@ -186,5 +217,5 @@ def warn_of_units(source: PreparedCloud, target: PreparedCloud) -> None:
             f"source spreads over {sizes[0]:.3g} and target over {sizes[1]:.3g} (median distance "
             "from the centre): one is probably in millimetres and the other in metres",
             RegistrationWarning,
-            stacklevel=3,
+            stacklevel=stacklevel,
         )

@@ -3,6 +3,8 @@
 from __future__ import annotations
 
 import json
+import os
+import subprocess
 import sys
 import warnings
 from types import SimpleNamespace
@@ -14,7 +16,7 @@ from PIL import Image
 import hmrf_icp
 from hmrf_icp import PinholeCamera, PointCloud, presets, se3
 from hmrf_icp.cli import main
-from hmrf_icp.io import read_cloud, write_cloud, write_pose
+from hmrf_icp.io import read_cloud, read_pose, write_cloud, write_pose
 
 CAMERA = PinholeCamera(width=48, height=36, fx=50.0, fy=50.0, cx=23.5, cy=17.5)
 INTRINSICS = ("--intrinsics", "50,50,23.5,17.5")
@@ -493,3 +495,72 @@ def test_a_figure_that_fails_keeps_the_other_output_from_being_replaced(
     assert "cannot be drawn" in err
     for name in ("old.ply", "old.png"):
         assert (tmp_path / name).read_text() == "an earlier result"
+
+
+# ---- All that the source had -----------------------------------------------------------------
+
+
+@pytest.fixture
+def coloured(clouds, tmp_path):
+    """The source with a colour, a normal and a number a point, and the target as it is."""
+    source = read_cloud(clouds[0])
+    values = np.arange(source.points[..., 0].size).reshape(source.shape)
+    write_cloud(
+        tmp_path / "coloured.ply",
+        PointCloud(
+            source.points,
+            normals=source.points,
+            attributes={"red": (values % 256).astype(np.uint8), "intensity": values / 7},
+        ),
+    )
+    return tmp_path / "coloured.ply", clouds[1]
+
+
+@pytest.mark.parametrize("suffix", [".ply", ".pcd", ".csv", ".npz"])
+def test_the_output_has_all_that_the_source_had(command, coloured, tmp_path, suffix):
+    aligned, pose = tmp_path / f"aligned{suffix}", tmp_path / "pose.txt"
+    status, out, err = command("register", *coloured, "--output", aligned, "--pose", pose)
+    assert status == 0
+    assert "Note" not in err
+    assert f"written: {pose}" in out
+    source, moved, motion = read_cloud(coloured[0]), read_cloud(aligned), read_pose(pose)
+    np.testing.assert_allclose(moved.points, se3.transform(motion, source.points), atol=1e-6)
+    turned = source.normals @ motion[:3, :3].T
+    np.testing.assert_allclose(moved.normals, turned, atol=1e-6)
+    for name in ("red", "intensity"):
+        np.testing.assert_array_equal(moved.attributes[name], source.attributes[name])
+
+
+def test_what_the_format_has_no_place_for_is_said(command, coloured, tmp_path):
+    _, _, err = command("register", *coloured, "--output", tmp_path / "aligned.xyz")
+    assert "Note: .xyz has no place for the source's normals, red, intensity" in err
+
+
+def test_the_pose_is_the_result_s_and_starts_the_next_run(command, clouds, tmp_path):
+    pose = tmp_path / "pose.txt"
+    _, out, _ = command("register", *clouds, "--pose", pose, "--json")
+    np.testing.assert_allclose(read_pose(pose), json.loads(out)["transformation"], atol=1e-14)
+    status, _, _ = command("register", *clouds, "--init", pose)
+    assert status == 0
+
+
+def test_two_outputs_of_one_name_are_refused(command, clouds, tmp_path):
+    same = tmp_path / "out.txt"
+    status, _, err = command("register", *clouds, "--output", same, "--pose", same)
+    assert status == 2
+    assert "is what --output writes" in err
+
+
+def test_a_name_that_is_no_text_is_shown_all_the_same(clouds, tmp_path):
+    odd = tmp_path / os.fsdecode(b"scan_\xff.pcd")
+    try:
+        odd.write_bytes(clouds[0].read_bytes())
+    except OSError:
+        pytest.skip("this file system takes no such name")
+    run = subprocess.run(
+        [sys.executable, "-m", "hmrf_icp", "register", odd, clouds[1], "--rejector", "all"],
+        capture_output=True,
+        env={**os.environ, "PYTHONUTF8": "1"},
+    )
+    assert run.returncode == 0
+    assert b"scan_\\udcff.pcd to target.ply" in run.stdout

@@ -164,7 +164,7 @@ def demo(
 
 
 def _check_suffix(picture: Path) -> None:
-    from hmrf_icp.cli.register import FIGURE_SUFFIXES
+    from hmrf_icp.cli.outputs import FIGURE_SUFFIXES
     from hmrf_icp.io.files import check_suffix
 
     check_suffix(picture, FIGURE_SUFFIXES, "draw a figure to")
@@ -198,7 +198,7 @@ def _print(
     else:
         verdict = "[bold red]Missed[/]: the known pose was not found"
     console.print(f"\n{verdict} (within {1000 * CLOSE:.0f} mm and {math.degrees(CLOSE):.1f} deg).")
-    console.print(f"Picture: {picture}", soft_wrap=True)
+    console.print(f"Picture: {picture}", soft_wrap=True, markup=False)
 
 
 def _table(pair: DeskPair, result: RegistrationResult) -> Table:

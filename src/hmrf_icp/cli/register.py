@@ -4,7 +4,8 @@ from __future__ import annotations
 
 import math
 from collections.abc import Iterator
-from contextlib import ExitStack, contextmanager
+from contextlib import contextmanager
+from dataclasses import replace
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated
 
@@ -19,8 +20,6 @@ if TYPE_CHECKING:
     from hmrf_icp.result import RegistrationResult
 
 NOT_CONVERGED = 1
-
-FIGURE_SUFFIXES = (".png", ".pdf", ".svg")
 
 _DEPTH = "Depth maps"
 _CLOUDS = "Clouds"
@@ -122,7 +121,16 @@ def register(
             metavar="ALIGNED",
             rich_help_panel=_OUTPUT,
             help="Write the source, moved into the target's frame, as a cloud "
-            "(.ply, .pcd, .xyz, .csv, .txt, .npy, .npz).",
+            "(.ply, .pcd, .xyz, .xyzn, .csv, .txt, .npy, .npz); with all that it had, its normals "
+            "turned, where the format has a place for it (.ply, .pcd, .csv, .npz).",
+        ),
+    ] = None,
+    pose: Annotated[
+        Path | None,
+        typer.Option(
+            metavar="FILE",
+            rich_help_panel=_OUTPUT,
+            help="Write the 4x4 matrix, source to target, as text that --init reads.",
         ),
     ] = None,
     figure: Annotated[
@@ -150,6 +158,7 @@ def register(
     and written all the same); 2 bad input (nothing is written).
     """
     import hmrf_icp
+    from hmrf_icp.cli.outputs import Outputs, note
     from hmrf_icp.cli.progress import most_iterations, registration_bar
     from hmrf_icp.cli.summary import json_text, summary
     from hmrf_icp.io import read_pose
@@ -164,7 +173,8 @@ def register(
     lens = _lens(camera, intrinsics)
     stood = None if viewpoint is None else _position("--viewpoint", viewpoint)
     start = None if init is None else read_pose(init)
-    _check_outputs(output, figure, [file for file in (source, target, camera, init) if file])
+    outputs = Outputs(output, pose, figure)
+    outputs.check([file for file in (source, target, camera, init) if file])
 
     chosen = {"preset": preset, "rejector": rejector, "aligner": aligner}
     named = chosen | {"source": source, "target": target}
@@ -177,10 +187,10 @@ def register(
             staying, staying_is_depth = _read(target, lens, depth_scale, max_depth)
             given = (camera, intrinsics, depth_scale, max_depth)
             if not (moving_is_depth or staying_is_depth) and any(o is not None for o in given):
-                _note("neither file is a depth map: the options for depth maps have no effect")
+                note("neither file is a depth map: the options for depth maps have no effect")
             if stood is not None:
                 if moving.camera is not None and staying.camera is not None:
-                    _note("both files come with a camera: --viewpoint has no effect")
+                    note("both files come with a camera: --viewpoint has no effect")
                 moving, staying = _seen_from(stood, moving), _seen_from(stood, staying)
             bar.stage("Registering", total=most_iterations(method))
             with _arguments_named({"source": source, "target": target, "init": init}):
@@ -194,7 +204,7 @@ def register(
                     on_iteration=bar,
                 )
             bar.stage("Writing")
-            written = _write(moving, staying, result, output, figure)
+            written = outputs.write(moving, staying, result)
     finally:
         # Also where writing failed: a full disk must not cost the result as well.
         if result is not None:
@@ -231,22 +241,6 @@ def _lens(camera: Path | None, intrinsics: str | None) -> Intrinsics | None:
     return None if intrinsics is None else parse_intrinsics(intrinsics, "--intrinsics")
 
 
-def _check_outputs(output: Path | None, figure: Path | None, inputs: list[Path]) -> None:
-    """Refuse what could not be written in the end, before minutes are spent on it."""
-    from hmrf_icp.io.cloud import check_writable
-    from hmrf_icp.io.files import check_suffix
-    from hmrf_icp.io.whole import require_writable
-
-    if output is not None:
-        check_writable(output)
-    if figure is not None:
-        check_suffix(figure, FIGURE_SUFFIXES, "draw a figure to")
-        require_writable(figure)
-    for option, file in (("--output", output), ("--figure", figure)):
-        if file is not None and file.resolve() in [path.resolve() for path in inputs]:
-            raise InputError(f"{option} {file}: is an input of this run, give another name")
-
-
 def _read(
     path: Path, lens: Intrinsics | None, depth_scale: float | None, max_depth: float | None
 ) -> tuple[PointCloud, bool]:
@@ -264,11 +258,7 @@ def _seen_from(position: tuple[float, float, float], cloud: PointCloud) -> Point
     """Say where the sensor of a cloud stood; a camera stands at the origin and stays there."""
     import numpy as np
 
-    from hmrf_icp.clouds.cloud import PointCloud
-
-    if cloud.camera is not None:
-        return cloud
-    return PointCloud(cloud.points, viewpoint=np.array(position))
+    return cloud if cloud.camera is not None else replace(cloud, viewpoint=np.array(position))
 
 
 @contextmanager
@@ -281,37 +271,3 @@ def _arguments_named(files: dict[str, Path | None]) -> Iterator[None]:
         if files.get(argument) is None:
             raise
         raise InputError(f"{argument} {files[argument]}: {rest}") from None
-
-
-def _write(
-    source: PointCloud,
-    target: PointCloud,
-    result: RegistrationResult,
-    output: Path | None,
-    figure: Path | None,
-) -> list[Path]:
-    """Write all outputs; none of them moves to its place before every one is complete."""
-    from hmrf_icp import se3
-    from hmrf_icp.clouds.cloud import PointCloud
-    from hmrf_icp.io import write_cloud
-    from hmrf_icp.io.whole import written_whole
-
-    with ExitStack() as outputs:
-        if output is not None:
-            motion = result.transformation
-            stood = source.viewpoint
-            moved = PointCloud(
-                se3.transform(motion, source.points),
-                viewpoint=None if stood is None else se3.transform(motion, stood),
-            )
-            write_cloud(outputs.enter_context(written_whole(output)), moved)
-        if figure is not None:
-            from hmrf_icp.figures.registration import registration_figure
-
-            partial = outputs.enter_context(written_whole(figure))
-            registration_figure(source, target, result, partial)
-    return [path for path in (output, figure) if path is not None]
-
-
-def _note(message: str) -> None:
-    typer.echo(f"Note: {message}", err=True)

@@ -9,19 +9,18 @@ from __future__ import annotations
 from collections.abc import Callable, Hashable
 from dataclasses import dataclass, field
 from functools import cached_property
-from typing import TYPE_CHECKING, Any, TypeVar, cast
+from typing import Any, TypeVar, cast
 
 import numpy as np
 from numpy.typing import NDArray
 
-from hmrf_icp.clouds import downsample
 from hmrf_icp.clouds.closest_table import ClosestTable
 from hmrf_icp.clouds.cloud import PointCloud, PointCloudLike, as_cloud, require_registrable, some_of
+from hmrf_icp.clouds.downsample import downsample
 from hmrf_icp.clouds.range_image import RangeImage, range_image
 from hmrf_icp.clouds.surface import Surface, surface
-
-if TYPE_CHECKING:
-    from pykdtree.kdtree import KDTree
+from hmrf_icp.clouds.tree import Tree
+from hmrf_icp.errors import InputError
 
 Array = NDArray[np.float64]
 T = TypeVar("T")
@@ -63,6 +62,28 @@ class PreparedCloud:
         default_factory=dict, init=False, repr=False, compare=False
     )
 
+    def __post_init__(self) -> None:
+        """Freeze the origin.
+
+        Raises
+        ------
+        InputError
+            It is no place.
+        """
+        origin = np.array(self.origin, dtype=np.float64)
+        if origin.shape != (3,) or not np.isfinite(origin).all():
+            raise InputError(f"origin: expected three finite numbers, got {self.origin}")
+        origin.flags.writeable = False
+        object.__setattr__(self, "origin", origin)
+
+    def __eq__(self, other: object) -> bool:
+        if not isinstance(other, PreparedCloud):
+            return NotImplemented
+        return self.cloud == other.cloud and np.array_equal(self.origin, other.origin)
+
+    def __hash__(self) -> int:
+        return hash((self.cloud, (self.origin + 0.0).tobytes()))
+
     @property
     def points(self) -> Array:
         """(M, 3) the observed points, metres."""
@@ -72,11 +93,9 @@ class PreparedCloud:
         return len(self.points)
 
     @cached_property
-    def tree(self) -> KDTree:
+    def tree(self) -> Tree:
         """k-d tree of the observed points."""
-        from pykdtree.kdtree import KDTree
-
-        return KDTree(self.points)
+        return Tree(self.points)
 
     @cached_property
     def surface(self) -> Surface:
@@ -93,17 +112,22 @@ class PreparedCloud:
         """Median distance of a point to its nearest other point, metres; 0 of a single one."""
         if len(self) < 2:
             return 0.0
-        some = np.ascontiguousarray(some_of(self.points, SPACING_SAMPLE))
-        distance, _ = self.tree.query(some, k=2)
+        distance, _ = self.tree.query(some_of(self.points, SPACING_SAMPLE), k=2)
         return float(np.median(distance[:, 1]))
+
+    def require_registrable(self, name: str) -> None:
+        """Refuse a cloud that no rigid motion can be found from; it is looked at once.
+
+        Raises
+        ------
+        InputError
+            As :func:`hmrf_icp.clouds.cloud.require_registrable`.
+        """
+        self._once("registrable", lambda: require_registrable(self.cloud, name))
 
     def downsampled(self, most: int) -> PreparedCloud:
         """Return about ``most`` of the points, prepared; the same cloud where it has no more."""
-        step = downsample.step(self.cloud, most)
-        if step <= 1:
-            return self
-        key = ("downsampled", step if self.cloud.organised else most)
-        return self._once(key, lambda: PreparedCloud(downsample.downsample(self.cloud, most)))
+        return self if len(self) <= most else self._fewer(most)[0]
 
     def representatives(self, most: int) -> NDArray[np.intp]:
         """Tell which point of the downsampled cloud stands for each observed one of the whole.
@@ -112,10 +136,14 @@ class PreparedCloud:
         -------
         (M,) rows of ``downsampled(most).points``.
         """
-        few = self.downsampled(most)
-        if few is self:
-            return np.arange(len(self))
-        return downsample.representatives(self.cloud, few.cloud, lambda: few.tree)
+        return np.arange(len(self)) if len(self) <= most else self._fewer(most)[1]
+
+    def _fewer(self, most: int) -> tuple[PreparedCloud, NDArray[np.intp]]:
+        def build() -> tuple[PreparedCloud, NDArray[np.intp]]:
+            few, representative = downsample(self.cloud, most)
+            return PreparedCloud(few), representative
+
+        return self._once(("downsampled", most), build)
 
     def closest_table(self, count: int, cells: int, margin: int) -> ClosestTable:
         """Return a table of space that knows the closest of about ``count`` of the points."""
@@ -157,6 +185,7 @@ def prepare(cloud: PreparedCloud | PointCloudLike, name: str = "cloud") -> Prepa
     100
     """
     if isinstance(cloud, PreparedCloud):
+        cloud.require_registrable(name)
         return cloud
     given = as_cloud(cloud, name)
     require_registrable(given, name)
@@ -168,4 +197,5 @@ def prepare(cloud: PreparedCloud | PointCloudLike, name: str = "cloud") -> Prepa
     # Whole units keep the digits that coordinates of few decimals have.
     origin = np.round(centre)
     viewpoint = None if given.viewpoint is None else given.viewpoint - origin
-    return PreparedCloud(PointCloud(given.points - origin, None, viewpoint), origin)
+    moved = PointCloud(given.points - origin, None, viewpoint, notes=given.notes)
+    return PreparedCloud(moved, origin)

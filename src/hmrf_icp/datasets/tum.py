@@ -84,9 +84,11 @@ def _read_depth_list(folder: Path) -> tuple[list[Row], Array, list[Path]]:
     if not np.isfinite(shutter).all():
         raise rows[int(np.isfinite(shutter).argmin())].fail("a finite timestamp")
     require_increasing(rows, shutter)
+    from hmrf_icp.io.files import is_file
+
     files = [folder / row.words[1] for row in rows]
     for row, file in zip(rows, files, strict=True):
-        if not file.is_file():
+        if not is_file(file):
             raise InputError(f"{row.place}: names {row.words[1]}, but there is no {file}")
     return rows, shutter, files
 

@@ -88,7 +88,8 @@ def split(information: Array, noise: Array) -> Split:
     noise
         (6, 6) gathered in the same way from what noise makes of their differences.
     """
-    largest = float(np.linalg.eigvalsh(information)[-1])
+    finite = bool(np.isfinite(information).all() and np.isfinite(noise).all())
+    largest = float(np.linalg.eigvalsh(information)[-1]) if finite else 0.0
     if not largest > 0.0:
         return Split(np.eye(6), np.zeros((6, 0)), 0.0)
     # Directions v with v'Av < v'Bv, A v = lambda B v: through B = LL', a symmetric problem.

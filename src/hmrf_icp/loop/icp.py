@@ -10,9 +10,10 @@ from numpy.typing import NDArray
 
 from hmrf_icp import se3
 from hmrf_icp.clouds.prepared import PreparedCloud
+from hmrf_icp.errors import InputError
 from hmrf_icp.loop.align import Align, Aligner, Step
 from hmrf_icp.loop.criteria import Criteria, StoppingRule, at_most
-from hmrf_icp.loop.match import Match, Matcher, Matches
+from hmrf_icp.loop.match import Match, Matcher, Matches, checked
 from hmrf_icp.loop.placed import Placed
 from hmrf_icp.loop.reject import Labels, Reject, Rejector
 
@@ -118,7 +119,8 @@ class Loop:
 
     def __init__(self, source: PreparedCloud, target: PreparedCloud, method: Method) -> None:
         self._points = source.points
-        self._match: Match = method.match.prepare(source, target)
+        self._onto = len(target.points)
+        self._matcher: Match = method.match.prepare(source, target)
         self._reject: Reject = method.reject.prepare(source, target)
         self._align: Align = method.align.prepare(source, target)
         self._criteria = method.criteria.on(target)
@@ -132,7 +134,14 @@ class Loop:
         """Run from ``init`` (4, 4), for at most ``most`` iterations if that is fewer.
 
         ``on_iteration`` is called after every iteration, for progress.
+
+        Raises
+        ------
+        InputError
+            The start is not finite, or what the matcher found are no matches.
         """
+        if np.shape(init) != (4, 4) or not np.isfinite(init).all():
+            raise InputError(f"init: expected a finite 4 x 4 matrix, got {init}")
         match, reject, align = self._match, self._reject, self._align
         criteria = self._criteria if most is None else at_most(self._criteria, most)
 
@@ -148,8 +157,8 @@ class Loop:
             labels = reject(matches, labels)
             em_iterations += labels.em_iterations
             step = align(source, matches, labels)
-            stuck = step is None
-            if step is None:
+            stuck = step is None or not np.isfinite(step.motion).all()
+            if step is None or stuck:
                 break
             last = step
             source = source.moved(step.motion)
@@ -179,6 +188,9 @@ class Loop:
             tuple(history),
             stuck,
         )
+
+    def _match(self, source: Placed) -> Matches:
+        return checked(self._matcher(source), len(self._points), self._onto)
 
 
 def icp(

@@ -15,9 +15,13 @@ import numpy as np
 from numpy.typing import NDArray
 
 from hmrf_icp.clouds.prepared import PreparedCloud
+from hmrf_icp.clouds.tree import Tree
 from hmrf_icp.loop.match import Matches
 
 Array = NDArray[np.float64]
+
+EQUAL = 1e-12
+"""Share of the largest distance within which distances are equal: no bins fit between them."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -171,8 +175,12 @@ def first_valley(distance: Array) -> float:
     """Position of the first local minimum after the highest peak of a histogram, metres.
 
     The bins are as many as Sturges' rule asks for, at least ten. With no
-    valley after the peak the threshold is the largest distance.
+    valley after the peak the threshold is the largest distance, and so it is where
+    all are equal but for rounding.
     """
+    largest = float(distance.max())
+    if largest - float(distance.min()) <= EQUAL * largest:
+        return largest
     bins = max(10, int(np.ceil(np.log2(distance.size))) + 1)
     count, edge = np.histogram(distance, bins=bins)
     for i in range(int(np.argmax(count)) + 1, bins - 1):
@@ -183,7 +191,5 @@ def first_valley(distance: Array) -> float:
 
 def mean_neighbour_distance(points: Array) -> float:
     """Mean distance of points (N, 3) to their nearest other point, metres."""
-    from pykdtree.kdtree import KDTree
-
-    distance, _ = KDTree(points).query(points, k=2)
+    distance, _ = Tree(points).query(points, k=2)
     return float(distance[:, 1].mean())
