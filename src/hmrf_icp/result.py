@@ -189,7 +189,8 @@ class RegistrationResult:
         return hash(tuple(self.transformation.ravel().tolist()))
 
     def __repr__(self) -> str:
-        return f"RegistrationResult({self.verdict}; {self._numbers()})"
+        free = f"; free: {'; '.join(map(str, self.degenerate))}" if self.degenerate else ""
+        return f"RegistrationResult({self.verdict}; {self._numbers()}{free})"
 
     def __str__(self) -> str:
         motion = self.transformation
