@@ -15,12 +15,14 @@ from hmrf_icp.clouds.cloud import LARGEST_COORDINATE, PointCloudLike, some_of
 from hmrf_icp.clouds.prepared import PreparedCloud, prepare
 from hmrf_icp.errors import InputError, RegistrationWarning, interruptible
 from hmrf_icp.loop.align import Aligner
+from hmrf_icp.loop.correspondences import Correspondences
 from hmrf_icp.loop.criteria import StoppingRule
-from hmrf_icp.loop.degeneracy import FreeMotion
-from hmrf_icp.loop.icp import Iteration, LoopResult, rms
-from hmrf_icp.loop.reject import Rejector
+from hmrf_icp.loop.degeneracy import FreeMotion, about_another, about_origin
+from hmrf_icp.loop.icp import Iteration, LoopResult
+from hmrf_icp.loop.match import Matches
+from hmrf_icp.loop.reject import Labels, Rejector
 from hmrf_icp.presets import AlignerName, PresetName, Registrar, RejectorName
-from hmrf_icp.result import RegistrationResult
+from hmrf_icp.result import RegistrationResult, Viewpoints
 from hmrf_icp.search.coarse_to_fine import SearchResult
 
 UNIT_MIX_UP = 100.0
@@ -67,7 +69,9 @@ def register(
         is also the default. The result is the same with any number, and none of them
         outlives the call.
     on_iteration
-        Called with an :class:`Iteration` after each.
+        Called with an :class:`Iteration` after each, for progress. The default runs
+        Algorithm 1 from several candidates: it is called for those of all of them, and
+        the ``history`` of the result holds those that led to the pose returned.
 
     Raises
     ------
@@ -77,9 +81,11 @@ def register(
     Warns
     -----
     RegistrationWarning
-        The sizes of the clouds differ so much that their units probably do, some points
-        stand for "nothing measured", or so few inliers were left that no motion could
-        be found from them.
+        The pose is more likely wrong than right (a confidence below 0.5), the sizes of
+        the clouds differ so much that their units probably do, some points stand for
+        "nothing measured", so few inliers were
+        left that no motion could be found from them, or a method that is EM to its end
+        (``"paper"``) converged although the labels of its last decision had not settled.
 
     Examples
     --------
@@ -110,6 +116,8 @@ def _register(
     on_iteration: Callable[[Iteration], None] | None,
     stacklevel: int,
 ) -> RegistrationResult:
+    from hmrf_icp.kernels.compilation import Compilation
+
     started = time.perf_counter()
     moving, fixed = (
         prepare(_read(cloud, name), name)
@@ -136,33 +144,63 @@ def _register(
         align=presets.aligner(aligner) if isinstance(aligner, str) else aligner,
         criteria=criteria,
     )
-    found = method.run(moving, fixed, between_origins(start, moving, fixed), on_iteration)
-    judged = found if isinstance(found, SearchResult) else None
+    with Compilation() as compilation:
+        found = method.run(moving, fixed, between_origins(start, moving, fixed), on_iteration)
+    seconds = time.perf_counter() - started - compilation.seconds
     loop = found.loop if isinstance(found, SearchResult) else found
-    inlier = loop.labels.inlier
     if loop.stuck:
+        inlier = loop.labels.inlier
         warnings.warn(
             f"stopped after {len(loop.history)} iterations: {np.count_nonzero(inlier)} inliers "
             f"among {inlier.size} points do not determine a motion; is the start too far off?",
             RegistrationWarning,
             stacklevel=stacklevel,
         )
-    on_grid = moving.cloud.on_grid
+    elif isinstance(found, LoopResult) and loop.converged and not loop.labels.em_converged:
+        warnings.warn(
+            f"EM of the last decision stopped after {loop.labels.em_iterations} steps, before its "
+            "labels settled; more steps of the rejector would",
+            RegistrationWarning,
+            stacklevel=stacklevel,
+        )
+    result = described(found, moving, fixed, seconds)
+    if result.confidence is not None and not result.believed:
+        warnings.warn(
+            f"confidence {result.confidence:.2f}: the pose is more likely wrong than right; "
+            f"{result.advice}",
+            RegistrationWarning,
+            stacklevel=stacklevel,
+        )
+    return result
+
+
+def described(
+    found: LoopResult | SearchResult, source: PreparedCloud, target: PreparedCloud, seconds: float
+) -> RegistrationResult:
+    """Say what was found of the prepared clouds in the frames that these were given in."""
+    searched = found if isinstance(found, SearchResult) else None
+    loop = found.loop if isinstance(found, SearchResult) else found
+
+    def decide(matches: Matches) -> Labels:
+        return loop.labels if searched is None else searched.labels(source, target, matches)
+
+    middle = se3.transform(loop.transformation, source.points.mean(axis=0))
+    information = None if loop.last is None else loop.last.information
     return RegistrationResult(
-        transformation=between_frames(loop.transformation, moving, fixed),
-        inlier_probability=on_grid(loop.labels.probability),
-        distance=on_grid(loop.matches.distance),
+        transformation=between_frames(loop.transformation, source, target),
         converged=loop.converged,
         iterations=len(loop.history),
         em_iterations=loop.em_iterations,
-        overlap=float(inlier.mean()),
-        inlier_rmse=rms(loop.matches.distance[inlier]),
-        seconds=time.perf_counter() - started,
+        seconds=seconds,
         history=loop.history,
-        information=None if loop.last is None else loop.last.information,
-        degenerate=free_motions(loop),
-        confidence=None if judged is None else judged.confidence,
-        visibility=None if judged is None else judged.visibility,
+        # About a point: the same in both frames.
+        information=None if information is None else about_origin(information, -middle),
+        centre=middle + target.origin,
+        degenerate=free_motions(loop, target),
+        confidence=None if searched is None else searched.confidence,
+        visibility=None if searched is None else searched.visibility,
+        viewpoints=Viewpoints(*(one.cloud.viewpoint is not None for one in (source, target))),
+        correspondences=Correspondences(source, target, loop.transformation, decide),
     )
 
 
@@ -198,11 +236,12 @@ def _read(
         raise InputError(f"{name}: {error}") from None
 
 
-def free_motions(loop: LoopResult) -> tuple[FreeMotion, ...]:
-    """Describe what the last step left unmoved."""
+def free_motions(loop: LoopResult, target: PreparedCloud) -> tuple[FreeMotion, ...]:
+    """Describe what the last step left unmoved, in the frame that the target was given in."""
     if loop.last is None or loop.last.degenerate is None:
         return ()
-    return tuple(FreeMotion(twist) for twist in loop.last.degenerate)
+    moved = [about_another(twist, target.origin) for twist in loop.last.degenerate]
+    return tuple(FreeMotion(twist) for twist in moved)
 
 
 def warn_of_units(source: PreparedCloud, target: PreparedCloud, stacklevel: int) -> None:

@@ -188,6 +188,12 @@ def rotation_about(axis: ArrayLike, angle: float, centre: ArrayLike) -> Array:
     return rigid(rotation, centre - rotation @ centre)
 
 
+def about(twist: ArrayLike, centre: ArrayLike) -> Array:
+    """Motion (4, 4) of a twist about the point ``centre`` (3,) instead of about the origin."""
+    there = rigid(np.eye(3), centre)
+    return np.asarray(there @ exp(twist) @ inverse(there))
+
+
 def error(estimate: Array, truth: Array) -> tuple[float, float]:
     """Error of a pose as the paper reports it (Results): metres and radians.
 

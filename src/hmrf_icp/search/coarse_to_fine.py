@@ -26,11 +26,14 @@ from hmrf_icp.loop.align import Aligner
 from hmrf_icp.loop.criteria import StoppingRule
 from hmrf_icp.loop.degeneracy import NOISE_ALONE
 from hmrf_icp.loop.icp import Iteration, Loop, LoopResult, Method
-from hmrf_icp.loop.reject import Rejector
+from hmrf_icp.loop.match import Matches
+from hmrf_icp.loop.placed import Placed
+from hmrf_icp.loop.reject import Labels, Rejector
 from hmrf_icp.search.candidates import Annealer, Level, distinct, near, shifted, turned
 from hmrf_icp.search.confidence import confidence, log_odds
 from hmrf_icp.search.start_prior import FALL, FALL_UNSEEN, StartPrior
 from hmrf_icp.search.visibility import Visibility, VisibilityTest
+from hmrf_icp.search.visible_match import VisibleMatch
 
 Array = NDArray[np.float64]
 
@@ -111,8 +114,7 @@ class CoarseToFine:
         # Without free space to contradict them, more candidates are only more mistakes.
         if end.visibility.views and end.confidence < CONVINCED:
             end = search.among(search.shifts)
-        loop = spread(end.loop, source.representatives(self.points))
-        return SearchResult(loop, end.visibility, end.confidence)
+        return SearchResult(end.loop, end.visibility, end.confidence, self)
 
     def with_parts(
         self,
@@ -131,16 +133,41 @@ class SearchResult:
     Attributes
     ----------
     loop
-        Where Algorithm 1 ended from the best candidate, one label a source point.
+        Where Algorithm 1 ended from the best candidate: of the points that it was given,
+        which are those of the thinned source where ``plan.points`` are fewer.
     visibility
         What both sensors saw of that pose.
     confidence
         Probability in [0, 1] that it is right.
+    plan
+        The search.
     """
 
     loop: LoopResult
     visibility: Visibility
     confidence: float
+    plan: CoarseToFine
+
+    def labels(self, source: PreparedCloud, target: PreparedCloud, matches: Matches) -> Labels:
+        """Decide once more where the search ended, for every source point.
+
+        It starts from the label that the point standing for it has.
+
+        Parameters
+        ----------
+        source, target
+            The clouds, as they were given to the search.
+        matches
+            Of all source points under the pose.
+        """
+        method, rows = self.plan.method, source.representatives(self.plan.points)
+        if isinstance(method.match, VisibleMatch):
+            evidence = method.match.evidence(source, target)
+            if evidence is not None:
+                placed = Placed.at(self.loop.transformation, source.points)
+                matches = replace(matches, label_log_odds=evidence(placed))
+        before = replace(self.loop.labels, z=self.loop.labels.z[rows])
+        return method.reject.prepare(source, target)(matches, before)
 
 
 class Search:
@@ -247,7 +274,8 @@ class Search:
 
     def _continued(self, end: Judged, pose: Array) -> Judged:
         """Run Algorithm 1 to the end from a pose that an earlier end led to."""
-        return self._judged(after(end.loop, self._fine(pose, self._on_iteration)))
+        before = len(end.loop.history)
+        return self._judged(after(end.loop, self._fine(pose, self._on_iteration, after=before)))
 
     def _judged(self, loop: LoopResult) -> Judged:
         pose = loop.transformation
@@ -286,27 +314,13 @@ def likeliest(ends: Sequence[Judged]) -> Judged:
 
 def after(before: LoopResult, loop: LoopResult) -> LoopResult:
     """Give a result the history of the loop that its start came from."""
-    shift = len(before.history)
-    continued = (replace(one, iteration=one.iteration + shift) for one in loop.history)
     return replace(
         loop,
         em_iterations=before.em_iterations + loop.em_iterations,
-        history=(*before.history, *continued),
+        history=(*before.history, *loop.history),
     )
 
 
 def centre(surface: Surface) -> Array:
     """Centre (3,) of a surface, each point by its area."""
     return np.asarray(surface.area @ surface.points / surface.area.sum())
-
-
-def spread(loop: LoopResult, rows: NDArray[np.intp]) -> LoopResult:
-    """Give every source point the label and the match of the one that stands for it."""
-    labels = replace(loop.labels, z=loop.labels.z[rows])
-    matches = replace(
-        loop.matches,
-        index=loop.matches.index[rows],
-        distance=loop.matches.distance[rows],
-        label_log_odds=None,
-    )
-    return replace(loop, labels=labels, matches=matches)
