@@ -6,6 +6,7 @@ import os
 import time
 import warnings
 from collections.abc import Callable
+from typing import Literal
 
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
@@ -36,6 +37,7 @@ def register(
     rejector: RejectorName | Rejector | None = None,
     aligner: AlignerName | Aligner | None = None,
     criteria: StoppingRule | None = None,
+    search: Literal["auto", "near", "everywhere"] = "auto",
     on_iteration: Callable[[Iteration], None] | None = None,
 ) -> RegistrationResult:
     """Find the rigid motion that takes ``source`` onto ``target``.
@@ -105,7 +107,8 @@ def register(
         align=presets.aligner(aligner) if isinstance(aligner, str) else aligner,
         criteria=criteria,
     )
-    found = method.run(moving, fixed, between_origins(start, moving, fixed), on_iteration)
+    near = init is not None if search == "auto" else search == "near"
+    found = method.run(moving, fixed, between_origins(start, moving, fixed), near, on_iteration)
     judged = found if isinstance(found, SearchResult) else None
     loop = found.loop if isinstance(found, SearchResult) else found
     inlier = loop.labels.inlier

@@ -7,7 +7,7 @@ cloud serves as the target of many sources, or the source of many starts.
 from __future__ import annotations
 
 from collections.abc import Callable, Hashable
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 from functools import cached_property
 from typing import TYPE_CHECKING, Any, TypeVar, cast
 
@@ -15,6 +15,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from hmrf_icp.clouds import downsample
+from hmrf_icp.clouds.assumed_viewpoint import POINTS, assumed_viewpoint
 from hmrf_icp.clouds.closest_table import ClosestTable
 from hmrf_icp.clouds.cloud import PointCloud, PointCloudLike, as_cloud, require_registrable, some_of
 from hmrf_icp.clouds.range_image import RangeImage, range_image
@@ -59,6 +60,7 @@ class PreparedCloud:
 
     cloud: PointCloud
     origin: Array = field(default_factory=lambda: np.zeros(3))
+    assumed: bool = False
     _derived: dict[Hashable, Any] = field(
         default_factory=dict, init=False, repr=False, compare=False
     )
@@ -81,12 +83,21 @@ class PreparedCloud:
     @cached_property
     def surface(self) -> Surface:
         """Normals, noise and areas of the observed points."""
-        return surface(self.cloud, lambda: self.tree)
+        fitted = surface(self.cloud, lambda: self.tree)
+        return replace(fitted, oriented=False) if self.assumed else fitted
 
     @cached_property
     def range_image(self) -> RangeImage | None:
         """What the sensor saw from its viewpoint, None where that is not known."""
         return range_image(self.cloud, self.surface) if self.cloud.viewpoint is not None else None
+
+    @cached_property
+    def viewed(self) -> PreparedCloud:
+        """This cloud, from its viewpoint or, where that is not known, from the likeliest place."""
+        if self.cloud.viewpoint is not None:
+            return self
+        place, _ = assumed_viewpoint(self.downsampled(POINTS).surface)
+        return PreparedCloud(PointCloud(self.cloud.points, None, place), self.origin, bool(place.any()))
 
     @cached_property
     def neighbour_distance(self) -> float:
@@ -103,7 +114,12 @@ class PreparedCloud:
         if step <= 1:
             return self
         key = ("downsampled", step if self.cloud.organised else most)
-        return self._once(key, lambda: PreparedCloud(downsample.downsample(self.cloud, most)))
+        return self._once(
+            key,
+            lambda: PreparedCloud(
+                downsample.downsample(self.cloud, most), self.origin, self.assumed
+            ),
+        )
 
     def representatives(self, most: int) -> NDArray[np.intp]:
         """Tell which point of the downsampled cloud stands for each observed one of the whole.
@@ -129,9 +145,9 @@ class PreparedCloud:
             self._derived[key] = build()
         return cast(T, self._derived[key])
 
-    def __reduce__(self) -> tuple[type[PreparedCloud], tuple[PointCloud, Array]]:
+    def __reduce__(self) -> tuple[type[PreparedCloud], tuple[PointCloud, Array, bool]]:
         """Pickle and copy the cloud alone: what was derived is worked out again."""
-        return PreparedCloud, (self.cloud, self.origin)
+        return PreparedCloud, (self.cloud, self.origin, self.assumed)
 
 
 def prepare(cloud: PreparedCloud | PointCloudLike, name: str = "cloud") -> PreparedCloud:

@@ -47,10 +47,11 @@ class VisibleMatch:
             return match
         view = view.wider((self.band - BAND) * target.surface.noise)
         surface = source.surface
+        signed = surface.oriented and target.surface.oriented
         log_odds = np.array(self.log_odds)
 
         def match_visible(source: Placed) -> Matches:
-            seen = view.ask(surface.points, surface.normals, source.transformation)
+            seen = view.ask(surface.points, surface.normals, source.transformation, signed)
             return replace(match(source), label_log_odds=log_odds[seen])
 
         return match_visible
