@@ -6,6 +6,7 @@ import os
 import time
 import warnings
 from collections.abc import Callable
+from typing import Literal, TypeAlias
 
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
@@ -25,6 +26,9 @@ from hmrf_icp.presets import AlignerName, PresetName, Registrar, RejectorName
 from hmrf_icp.result import RegistrationResult, Viewpoints
 from hmrf_icp.search.coarse_to_fine import SearchResult
 
+Where: TypeAlias = Literal["auto", "near", "everywhere"]
+"""Where the pose is looked for."""
+
 UNIT_MIX_UP = 100.0
 """Ratio of the sizes of two clouds above which metres and millimetres were probably mixed up."""
 
@@ -38,6 +42,7 @@ def register(
     rejector: RejectorName | Rejector | None = None,
     aligner: AlignerName | Aligner | None = None,
     criteria: StoppingRule | None = None,
+    search: Where = "auto",
     num_threads: int | None = None,
     on_iteration: Callable[[Iteration], None] | None = None,
 ) -> RegistrationResult:
@@ -53,7 +58,8 @@ def register(
     target
         The cloud that stays (the paper's fixed cloud), of any kind.
     init
-        (4, 4) rigid motion to start from, source to target; None for the identity.
+        (4, 4) rigid motion to start from, source to target: the pose is looked for near it.
+        None means that nothing is known: the identity is tried, and then everywhere.
     preset
         Name of a method (:func:`hmrf_icp.presets.names`), or one of your own.
     rejector
@@ -64,6 +70,10 @@ def register(
         aligner of your own, in place of the method's.
     criteria
         When to stop, in place of the method's.
+    search
+        ``"near"`` the start, the identity where none is given; ``"everywhere"``, with the
+        start as one hypothesis among others; ``"auto"``, near a start that is given and
+        everywhere without. A method that is Algorithm 1 alone always stays near.
     num_threads
         Threads that look for neighbours, at most the cores that this process may use, which
         is also the default. The result is the same with any number, and none of them
@@ -101,7 +111,7 @@ def register(
     """
     with threads.using(num_threads), interruptible():
         return _register(
-            source, target, init, preset, rejector, aligner, criteria, on_iteration, stacklevel=3
+            source, target, init, preset, rejector, aligner, criteria, search, on_iteration, 3
         )
 
 
@@ -113,6 +123,7 @@ def _register(
     rejector: RejectorName | Rejector | None,
     aligner: AlignerName | Aligner | None,
     criteria: StoppingRule | None,
+    search: Where,
     on_iteration: Callable[[Iteration], None] | None,
     stacklevel: int,
 ) -> RegistrationResult:
@@ -144,8 +155,10 @@ def _register(
         align=presets.aligner(aligner) if isinstance(aligner, str) else aligner,
         criteria=criteria,
     )
+    near = init is not None if search == "auto" else search == "near"
+    begin = between_origins(start, moving, fixed)
     with Compilation() as compilation:
-        found = method.run(moving, fixed, between_origins(start, moving, fixed), on_iteration)
+        found = method.run(moving, fixed, begin, near, on_iteration)
     seconds = time.perf_counter() - started - compilation.seconds
     loop = found.loop if isinstance(found, SearchResult) else found
     if loop.stuck:

@@ -35,6 +35,7 @@ class Method:
         source: PreparedCloud,
         target: PreparedCloud,
         init: Array,
+        near: bool = True,
         on_iteration: Callable[[Iteration], None] | None = None,
     ) -> LoopResult:
         """Run Algorithm 1 with these parts."""

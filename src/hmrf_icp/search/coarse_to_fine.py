@@ -11,7 +11,7 @@ Where what comes out is not to be believed, the same is done from shifted starts
 from __future__ import annotations
 
 import math
-from collections.abc import Callable, Sequence
+from collections.abc import Callable, Iterator, Sequence
 from dataclasses import dataclass, replace
 from itertools import islice
 from typing import NamedTuple
@@ -31,7 +31,7 @@ from hmrf_icp.loop.placed import Placed
 from hmrf_icp.loop.reject import Labels, Rejector
 from hmrf_icp.search.candidates import Annealer, Level, distinct, near, shifted, turned
 from hmrf_icp.search.confidence import confidence, log_odds
-from hmrf_icp.search.start_prior import FALL, FALL_UNSEEN, StartPrior
+from hmrf_icp.search.start_prior import FALL, FALL_ANYWHERE, StartPrior
 from hmrf_icp.search.visibility import Visibility, VisibilityTest
 from hmrf_icp.search.visible_match import VisibleMatch
 
@@ -90,6 +90,8 @@ class CoarseToFine:
     points
         Points of each cloud that Algorithm 1 sees at most; clouds of more are
         thinned out, and their labels filled in from the points that were kept.
+    assume_viewpoints
+        Whether a place to look from is looked for where no viewpoint is known.
     """
 
     method: Method
@@ -100,21 +102,29 @@ class CoarseToFine:
     close: Level = CLOSE
     finalists: int = 6
     points: int = 20_000
+    assume_viewpoints: bool = True
 
     def run(
         self,
         source: PreparedCloud,
         target: PreparedCloud,
         init: Array,
+        near: bool = True,
         on_iteration: Callable[[Iteration], None] | None = None,
     ) -> SearchResult:
         """Register; see :func:`hmrf_icp.register`."""
-        search = Search(self, source, target, init, on_iteration)
+        source, target = self.viewed(source), self.viewed(target)
+        search = Search(self, source, target, init, near, on_iteration)
         end = search.among(search.turns)
-        # Without free space to contradict them, more candidates are only more mistakes.
-        if end.visibility.views and end.confidence < CONVINCED:
-            end = search.among(search.shifts)
+        for more in search.farther():
+            if end.confidence >= CONVINCED:
+                break
+            end = search.among(*more)
         return SearchResult(end.loop, end.visibility, end.confidence, self)
+
+    def viewed(self, cloud: PreparedCloud) -> PreparedCloud:
+        """Return a cloud from a place to look from, where places are assumed."""
+        return cloud.viewed if self.assume_viewpoints else cloud
 
     def with_parts(
         self,
@@ -160,6 +170,7 @@ class SearchResult:
         matches
             Of all source points under the pose.
         """
+        source, target = self.plan.viewed(source), self.plan.viewed(target)
         method, rows = self.plan.method, source.representatives(self.plan.points)
         if isinstance(method.match, VisibleMatch):
             evidence = method.match.evidence(source, target)
@@ -179,9 +190,10 @@ class Search:
         source: PreparedCloud,
         target: PreparedCloud,
         init: Array,
+        near: bool,
         on_iteration: Callable[[Iteration], None] | None,
     ) -> None:
-        self._plan = plan
+        self._plan, self._near = plan, near
         self._source, self._target = (cloud.downsampled(plan.points) for cloud in (source, target))
         few = self._source.downsampled(plan.points // FEWER)
         self._rough = Loop(few, self._target, plan.method)
@@ -195,7 +207,7 @@ class Search:
 
         size = self._target.surface.size
         middle = se3.transform(init, centre(self._source.surface))
-        fall = FALL if self._test_late.views else FALL_UNSEEN
+        fall = FALL if near else FALL_ANYWHERE
         self._prior = StartPrior(init, middle, size, fall)
         self.turns = turned(init, middle, plan.turn, plan.turn_step)
         self.shifts = shifted(self.turns, plan.shift * size)
@@ -204,23 +216,41 @@ class Search:
         self._ends: list[Judged] = []
         self._best: Judged | None = None
 
-    def among(self, starts: Array) -> Judged:
+    def farther(self) -> Iterator[tuple[Array, int, int]]:
+        """More starts, from how fine a scale they go, and how many are tried at the most."""
+        if self._near:
+            yield self.shifts, 0, self._plan.finalists
+            return
+        from hmrf_icp.search.hypotheses import hypotheses
+
+        source, target = self._source.surface, self._target.surface
+        # Signs of normals that an assumed place gave are mostly right, and tell much; then without.
+        trusted = (True,) if source.oriented and target.oriented else (True, False)
+        for signed in trusted:
+            found = hypotheses(
+                source.points, source.normals, target.points, target.normals, signed, 200
+            )
+            if len(found.poses):
+                yield found.poses, 1, 2 * self._plan.finalists
+        yield self.shifts, 0, self._plan.finalists
+
+    def among(self, starts: Array, first: int = 0, most: int | None = None) -> Judged:
         """Return the likeliest end of all starts so far, these (K, 4, 4) and the given one."""
-        candidates = self._new_candidates(starts)
+        candidates = self._new_candidates(starts, first, most or self._plan.finalists)
         self._candidates += candidates
         self._ends += self._tried(candidates)
         return self._refined()
 
-    def _new_candidates(self, starts: Array) -> list[Candidate]:
+    def _new_candidates(self, starts: Array, scale: int, most: int) -> list[Candidate]:
         """Poses that starts lead to, but to none that was tried; at first the given start too."""
-        prior, poses = self._prior, self._coarse(starts)
+        prior, poses = self._prior, self._coarse(starts, scale)
         first = not self._candidates
         if first:
             poses = np.concatenate([self._close.from_each_scale(prior.start), poses])
         log_posterior = np.array([self._log_posterior(pose) for pose in poses])
         before = [candidate.pose for candidate in self._candidates]
         rows = distinct(poses, log_posterior, before, SAME_ANGLE, SAME_SHIFT * prior.size)
-        found = [Candidate(poses[i], log_posterior[i]) for i in islice(rows, self._plan.finalists)]
+        found = [Candidate(poses[i], log_posterior[i]) for i in islice(rows, most)]
         # The start as it is has a place beside them, whatever a coarse level makes of it.
         return (
             [Candidate(prior.start, self._log_posterior(prior.start)), *found] if first else found

@@ -64,10 +64,11 @@ class VisibleMatch:
             return None
         view = view.wider((self.band - BAND) * target.surface.noise)
         surface = source.surface
+        signed = surface.oriented and target.surface.oriented
         log_odds = np.array(self.log_odds)
 
         def ask(source: Placed) -> Array:
-            seen = view.ask(surface.points, surface.normals, source.transformation)
+            seen = view.ask(surface.points, surface.normals, source.transformation, signed)
             return np.asarray(log_odds[seen])
 
         return ask
