@@ -1,0 +1,228 @@
+"""Which matches of points can both be right, and the groups of them that all can."""
+
+from __future__ import annotations
+
+import math
+from typing import Any
+
+import numpy as np
+from llvmlite import ir
+from numba import types
+from numba.extending import intrinsic
+
+from hmrf_icp.kernels.compiled import njit
+
+
+@intrinsic
+def ones(typing_context: Any, word: Any) -> Any:
+    """Count the bits of a word of 64 that are set: one instruction of the processor."""
+
+    def generate(context: Any, builder: Any, signature: Any, args: Any) -> Any:
+        kind = ir.IntType(64)
+        function = builder.module.declare_intrinsic("llvm.ctpop", [kind])
+        return builder.call(function, [args[0]])
+
+    return types.int64(types.uint64), generate
+
+
+@njit(nogil=True, error_model="numpy", fastmath={"reassoc", "contract", "arcp", "nsz"})
+def compatible(
+    source: Any, source_normals: Any, target: Any, target_normals: Any, tolerance: float,
+    apart: float, turn: float, signed: bool
+) -> Any:
+    """Bits (N, W) of the pairs of matches that one rigid motion can explain.
+
+    Two source points are as far apart as the two target points, to ``tolerance``, and farther
+    than ``apart``; the cosines between their normals, and between normals and the line that
+    joins them, differ by less than ``turn``.
+    """
+    n = len(source)
+    bits = np.zeros((n, (n + 63) // 64), np.uint64)
+    for i in range(n):
+        ax, ay, az = source[i, 0], source[i, 1], source[i, 2]
+        bx, by, bz = target[i, 0], target[i, 1], target[i, 2]
+        for j in range(i):
+            px, py, pz = source[j, 0] - ax, source[j, 1] - ay, source[j, 2] - az
+            qx, qy, qz = target[j, 0] - bx, target[j, 1] - by, target[j, 2] - bz
+            p = px * px + py * py + pz * pz
+            q = qx * qx + qy * qy + qz * qz
+            # |sqrt p - sqrt q| < t  <=>  p + q - t^2 < 2 sqrt(p q)
+            left = p + q - tolerance * tolerance
+            if left * left > 4.0 * p * q and left > 0.0:
+                continue
+            if p < apart * apart or q < apart * apart:
+                continue
+            one = source_normals[i, 0] * source_normals[j, 0] + source_normals[i, 1] * source_normals[j, 1] + source_normals[i, 2] * source_normals[j, 2]
+            two = target_normals[i, 0] * target_normals[j, 0] + target_normals[i, 1] * target_normals[j, 1] + target_normals[i, 2] * target_normals[j, 2]
+            if not signed:
+                one, two = abs(one), abs(two)
+            if abs(one - two) > turn:
+                continue
+            p, q = 1.0 / math.sqrt(p), 1.0 / math.sqrt(q)
+            one = (source_normals[i, 0] * px + source_normals[i, 1] * py + source_normals[i, 2] * pz) * p
+            two = (target_normals[i, 0] * qx + target_normals[i, 1] * qy + target_normals[i, 2] * qz) * q
+            if not signed:
+                one, two = abs(one), abs(two)
+            if abs(one - two) > turn:
+                continue
+            one = (source_normals[j, 0] * px + source_normals[j, 1] * py + source_normals[j, 2] * pz) * p
+            two = (target_normals[j, 0] * qx + target_normals[j, 1] * qy + target_normals[j, 2] * qz) * q
+            if not signed:
+                one, two = abs(one), abs(two)
+            if abs(one - two) > turn:
+                continue
+            bits[i, j >> 6] |= np.uint64(1) << np.uint64(j & 63)
+            bits[j, i >> 6] |= np.uint64(1) << np.uint64(i & 63)
+    return bits
+
+
+@njit(nogil=True, error_model="numpy")
+def listed(bits: Any, found: Any) -> int:
+    """List the numbers of the bits (W,) that are set; return how many."""
+    count = 0
+    for word in range(len(bits)):
+        left = bits[word]
+        while left != 0:
+            lowest = left & (~left + np.uint64(1))
+            found[count] = 64 * word + ones(lowest - np.uint64(1))
+            count += 1
+            left ^= lowest
+    return count
+
+
+@njit(nogil=True, error_model="numpy")
+def support(bits: Any) -> Any:
+    """Second-order support (N,): for each match the triangles it is a corner of, twice."""
+    n, words = bits.shape
+    out = np.zeros(n)
+    found = np.empty(64 * words, np.int64)
+    for i in range(n):
+        count = listed(bits[i], found)
+        for m in range(count):
+            j = found[m]
+            if j > i:
+                break
+            common = 0
+            for w in range(words):
+                common += ones(bits[i, w] & bits[j, w])
+            out[i] += common
+            out[j] += common
+    return out
+
+
+@njit(nogil=True, error_model="numpy")
+def groups(bits: Any, seeds: Any, most: int) -> Any:
+    """Grow a clique from each seed: members (S, most), -1 where there are no more.
+
+    The next member is the one with most neighbours among those that all members so far have
+    in common.
+    """
+    words = bits.shape[1]
+    out = np.full((len(seeds), most), -1, np.int64)
+    found = np.empty(64 * words, np.int64)
+    common = np.empty(words, np.uint64)
+    for s in range(len(seeds)):
+        out[s, 0] = seeds[s]
+        common[:] = bits[seeds[s]]
+        for size in range(1, most):
+            count = listed(common, found)
+            if count == 0:
+                break
+            best, chosen = -1, -1
+            for m in range(count):
+                j = found[m]
+                shared = 0
+                for w in range(words):
+                    shared += ones(common[w] & bits[j, w])
+                if shared > best:
+                    best, chosen = shared, j
+            out[s, size] = chosen
+            for w in range(words):
+                common[w] &= bits[chosen, w]
+    return out
+
+
+@njit(nogil=True, error_model="numpy")
+def motion(source: Any, target: Any, weight: Any, rows: Any, count: int, pose: Any) -> None:
+    """Rigid motion (4, 4) that lays rows of the source on the target, by least squares."""
+    total = 0.0
+    a, b = np.zeros(3), np.zeros(3)
+    for m in range(count):
+        w = weight[m]
+        total += w
+        for k in range(3):
+            a[k] += w * source[rows[m], k]
+            b[k] += w * target[rows[m], k]
+    a /= total
+    b /= total
+    h = np.zeros((3, 3))
+    for m in range(count):
+        for k in range(3):
+            for n in range(3):
+                h[k, n] += weight[m] * (target[rows[m], k] - b[k]) * (source[rows[m], n] - a[n])
+    u, _, vt = np.linalg.svd(h)
+    r = u @ vt
+    if np.linalg.det(r) < 0.0:
+        u[:, 2] = -u[:, 2]
+        r = u @ vt
+    pose[:] = 0.0
+    pose[3, 3] = 1.0
+    pose[:3, :3] = r
+    pose[:3, 3] = b - r @ a
+
+
+@njit(nogil=True, error_model="numpy")
+def inliers(
+    pose: Any, source: Any, source_normals: Any, target: Any, target_normals: Any,
+    tolerance: float, signed: bool, rows: Any, weight: Any
+) -> int:
+    """List the matches that a motion (4, 4) explains, with weights; return how many."""
+    count = 0
+    for i in range(len(source)):
+        off = 0.0
+        cosine = 0.0
+        for k in range(3):
+            x = pose[k, 0] * source[i, 0] + pose[k, 1] * source[i, 1] + pose[k, 2] * source[i, 2] + pose[k, 3]
+            off += (x - target[i, k]) ** 2
+        if off > tolerance * tolerance:
+            continue
+        for k in range(3):
+            y = pose[k, 0] * source_normals[i, 0] + pose[k, 1] * source_normals[i, 1] + pose[k, 2] * source_normals[i, 2]
+            cosine += y * target_normals[i, k]
+        if not signed:
+            cosine = abs(cosine)
+        if cosine < 0.7:
+            continue
+        rows[count] = i
+        weight[count] = 1.0 - off / (tolerance * tolerance) + 1e-3
+        count += 1
+    return count
+
+
+@njit(nogil=True, error_model="numpy")
+def motions(
+    members: Any, source: Any, source_normals: Any, target: Any, target_normals: Any,
+    tolerance: float, signed: bool
+) -> Any:
+    """Motion (S, 4, 4) of each group, refined twice with all matches that it explains; count."""
+    poses = np.zeros((len(members), 4, 4))
+    worth = np.zeros(len(members))
+    rows = np.empty(len(source), np.int64)
+    weight = np.ones(len(source))
+    for s in range(len(members)):
+        count = 0
+        while count < members.shape[1] and members[s, count] >= 0:
+            rows[count] = members[s, count]
+            weight[count] = 1.0
+            count += 1
+        if count < 3:
+            poses[s] = np.eye(4)
+            continue
+        motion(source, target, weight, rows, count, poses[s])
+        for _ in range(2):
+            count = inliers(poses[s], source, source_normals, target, target_normals, tolerance, signed, rows, weight)
+            if count < 3:
+                break
+            motion(source, target, weight, rows, count, poses[s])
+        worth[s] = count
+    return poses, worth
