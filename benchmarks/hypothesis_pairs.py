@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import json
 from dataclasses import dataclass
-from functools import cached_property, lru_cache
+from functools import cache, cached_property
 from pathlib import Path
 
 import numpy as np
@@ -52,7 +52,7 @@ class Pair:
 
 
 def _vector(error):
-    """Translation and vector part of the quaternion, as the benchmark takes them."""
+    """Give translation and vector part of the quaternion, as the benchmark takes them."""
     rotation = error[:3, :3]
     w = 0.5 * np.sqrt(max(1.0 + np.trace(rotation), 0.0))
     axis = np.array(
@@ -82,7 +82,7 @@ def _shared_points(source, target, truth, count=2000):
     return points[near], float(near.mean())
 
 
-@lru_cache(maxsize=None)
+@cache
 def cloud(path):
     """Read a cloud of points once."""
     return PointCloud(io.read_cloud(path).observed_points)
@@ -131,7 +131,7 @@ def depth_pairs(name, count, step, seed=0):
     """Sample pairs of depth maps, every ``step``-th pixel, that share a tenth or more."""
     frames = datasets.open_sequence(DATA / name).frames
 
-    @lru_cache(maxsize=None)
+    @cache
     def load(i):
         return frames[i].load().subsample(step)
 

@@ -6,29 +6,30 @@ import math
 from typing import Any
 
 import numpy as np
-from llvmlite import ir
-from numba import types
-from numba.extending import intrinsic
 
 from hmrf_icp.kernels.compiled import njit
 
 
-@intrinsic
-def ones(typing_context: Any, word: Any) -> Any:
-    """Count the bits of a word of 64 that are set: one instruction of the processor."""
-
-    def generate(context: Any, builder: Any, signature: Any, args: Any) -> Any:
-        kind = ir.IntType(64)
-        function = builder.module.declare_intrinsic("llvm.ctpop", [kind])
-        return builder.call(function, [args[0]])
-
-    return types.int64(types.uint64), generate
+@njit(nogil=True, error_model="numpy")
+def ones(word: Any) -> Any:
+    """Count the bits of a word of 64 that are set; the compiler knows this as one instruction."""
+    word = word - ((word >> np.uint64(1)) & np.uint64(0x5555555555555555))
+    word = (word & np.uint64(0x3333333333333333)) + (
+        (word >> np.uint64(2)) & np.uint64(0x3333333333333333)
+    )
+    word = (word + (word >> np.uint64(4))) & np.uint64(0x0F0F0F0F0F0F0F0F)
+    return np.int64((word * np.uint64(0x0101010101010101)) >> np.uint64(56))
 
 
 @njit(nogil=True, error_model="numpy", fastmath={"reassoc", "contract", "arcp", "nsz"})
 def compatible(
-    source: Any, source_normals: Any, target: Any, target_normals: Any, tolerance: float,
-    apart: float, turn: float, signed: bool
+    source: Any,
+    source_normals: Any,
+    target: Any,
+    target_normals: Any,
+    tolerance: float,
+    apart: float,
+    turn: float,
 ) -> Any:
     """Bits (N, W) of the pairs of matches that one rigid motion can explain.
 
@@ -52,23 +53,33 @@ def compatible(
                 continue
             if p < apart * apart or q < apart * apart:
                 continue
-            one = source_normals[i, 0] * source_normals[j, 0] + source_normals[i, 1] * source_normals[j, 1] + source_normals[i, 2] * source_normals[j, 2]
-            two = target_normals[i, 0] * target_normals[j, 0] + target_normals[i, 1] * target_normals[j, 1] + target_normals[i, 2] * target_normals[j, 2]
-            if not signed:
-                one, two = abs(one), abs(two)
+            one = (
+                source_normals[i, 0] * source_normals[j, 0]
+                + source_normals[i, 1] * source_normals[j, 1]
+                + source_normals[i, 2] * source_normals[j, 2]
+            )
+            two = (
+                target_normals[i, 0] * target_normals[j, 0]
+                + target_normals[i, 1] * target_normals[j, 1]
+                + target_normals[i, 2] * target_normals[j, 2]
+            )
             if abs(one - two) > turn:
                 continue
             p, q = 1.0 / math.sqrt(p), 1.0 / math.sqrt(q)
-            one = (source_normals[i, 0] * px + source_normals[i, 1] * py + source_normals[i, 2] * pz) * p
-            two = (target_normals[i, 0] * qx + target_normals[i, 1] * qy + target_normals[i, 2] * qz) * q
-            if not signed:
-                one, two = abs(one), abs(two)
+            one = (
+                source_normals[i, 0] * px + source_normals[i, 1] * py + source_normals[i, 2] * pz
+            ) * p
+            two = (
+                target_normals[i, 0] * qx + target_normals[i, 1] * qy + target_normals[i, 2] * qz
+            ) * q
             if abs(one - two) > turn:
                 continue
-            one = (source_normals[j, 0] * px + source_normals[j, 1] * py + source_normals[j, 2] * pz) * p
-            two = (target_normals[j, 0] * qx + target_normals[j, 1] * qy + target_normals[j, 2] * qz) * q
-            if not signed:
-                one, two = abs(one), abs(two)
+            one = (
+                source_normals[j, 0] * px + source_normals[j, 1] * py + source_normals[j, 2] * pz
+            ) * p
+            two = (
+                target_normals[j, 0] * qx + target_normals[j, 1] * qy + target_normals[j, 2] * qz
+            ) * q
             if abs(one - two) > turn:
                 continue
             bits[i, j >> 6] |= np.uint64(1) << np.uint64(j & 63)
@@ -173,8 +184,14 @@ def motion(source: Any, target: Any, weight: Any, rows: Any, count: int, pose: A
 
 @njit(nogil=True, error_model="numpy")
 def inliers(
-    pose: Any, source: Any, source_normals: Any, target: Any, target_normals: Any,
-    tolerance: float, signed: bool, rows: Any, weight: Any
+    pose: Any,
+    source: Any,
+    source_normals: Any,
+    target: Any,
+    target_normals: Any,
+    tolerance: float,
+    rows: Any,
+    weight: Any,
 ) -> int:
     """List the matches that a motion (4, 4) explains, with weights; return how many."""
     count = 0
@@ -182,15 +199,22 @@ def inliers(
         off = 0.0
         cosine = 0.0
         for k in range(3):
-            x = pose[k, 0] * source[i, 0] + pose[k, 1] * source[i, 1] + pose[k, 2] * source[i, 2] + pose[k, 3]
+            x = (
+                pose[k, 0] * source[i, 0]
+                + pose[k, 1] * source[i, 1]
+                + pose[k, 2] * source[i, 2]
+                + pose[k, 3]
+            )
             off += (x - target[i, k]) ** 2
         if off > tolerance * tolerance:
             continue
         for k in range(3):
-            y = pose[k, 0] * source_normals[i, 0] + pose[k, 1] * source_normals[i, 1] + pose[k, 2] * source_normals[i, 2]
+            y = (
+                pose[k, 0] * source_normals[i, 0]
+                + pose[k, 1] * source_normals[i, 1]
+                + pose[k, 2] * source_normals[i, 2]
+            )
             cosine += y * target_normals[i, k]
-        if not signed:
-            cosine = abs(cosine)
         if cosine < 0.7:
             continue
         rows[count] = i
@@ -201,8 +225,12 @@ def inliers(
 
 @njit(nogil=True, error_model="numpy")
 def motions(
-    members: Any, source: Any, source_normals: Any, target: Any, target_normals: Any,
-    tolerance: float, signed: bool
+    members: Any,
+    source: Any,
+    source_normals: Any,
+    target: Any,
+    target_normals: Any,
+    tolerance: float,
 ) -> Any:
     """Motion (S, 4, 4) of each group, refined twice with all matches that it explains; count."""
     poses = np.zeros((len(members), 4, 4))
@@ -220,7 +248,9 @@ def motions(
             continue
         motion(source, target, weight, rows, count, poses[s])
         for _ in range(2):
-            count = inliers(poses[s], source, source_normals, target, target_normals, tolerance, signed, rows, weight)
+            count = inliers(
+                poses[s], source, source_normals, target, target_normals, tolerance, rows, weight
+            )
             if count < 3:
                 break
             motion(source, target, weight, rows, count, poses[s])

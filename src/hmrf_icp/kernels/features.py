@@ -23,9 +23,9 @@ def within(cells: Any, span: Any, points: Any, x: Any, reach: float, low: Any, f
     the last axis stands together.
     """
     count = 0
-    a = int(math.floor((x[0] - low[0]) / reach))
-    b = int(math.floor((x[1] - low[1]) / reach))
-    c = int(math.floor((x[2] - low[2]) / reach))
+    a = math.floor((x[0] - low[0]) / reach)
+    b = math.floor((x[1] - low[1]) / reach)
+    c = math.floor((x[2] - low[2]) / reach)
     first, last = max(c - 1, 0), min(c + 1, span[2] - 1)
     if first > last:
         return 0
@@ -82,7 +82,11 @@ def smooth_normals(points: Any, normals: Any, cells: Any, span: Any, reach: floa
         sx = sy = sz = xx = xy = xz = yy = yz = zz = 0.0
         for m in range(n):
             k = found[m]
-            x, y, z = points[k, 0] - points[i, 0], points[k, 1] - points[i, 1], points[k, 2] - points[i, 2]
+            x, y, z = (
+                points[k, 0] - points[i, 0],
+                points[k, 1] - points[i, 1],
+                points[k, 2] - points[i, 2],
+            )
             sx, sy, sz = sx + x, sy + y, sz + z
             xx, xy, xz = xx + x * x, xy + x * y, xz + x * z
             yy, yz, zz = yy + y * y, yz + y * z, zz + z * z
@@ -114,7 +118,11 @@ def simple(points: Any, normals: Any, cells: Any, span: Any, reach: float, low: 
             k = found[m]
             if k == i:
                 continue
-            dx, dy, dz = points[k, 0] - points[i, 0], points[k, 1] - points[i, 1], points[k, 2] - points[i, 2]
+            dx, dy, dz = (
+                points[k, 0] - points[i, 0],
+                points[k, 1] - points[i, 1],
+                points[k, 2] - points[i, 2],
+            )
             length = math.sqrt(dx * dx + dy * dy + dz * dz)
             if length <= 0.0:
                 continue
@@ -143,7 +151,7 @@ def simple(points: Any, normals: Any, cells: Any, span: Any, reach: float, low: 
 def vote(out: Any, begin: int, place: float, wraps: bool) -> None:
     """Share one vote between the two bins whose middles are next to ``place``."""
     place -= 0.5
-    low = int(math.floor(place))
+    low = math.floor(place)
     share = place - low
     high = low + 1
     if wraps:
@@ -155,9 +163,7 @@ def vote(out: Any, begin: int, place: float, wraps: bool) -> None:
 
 
 @njit(nogil=True, error_model="numpy")
-def gather(
-    simple: Any, points: Any, cells: Any, span: Any, reach: float, low: Any, at: Any
-) -> Any:
+def gather(simple: Any, points: Any, cells: Any, span: Any, reach: float, low: Any, at: Any) -> Any:
     """Histograms (K, 33) at the places ``at`` (K, 3): those about it, by one over the distance."""
     out = np.zeros((len(at), simple.shape[1]), np.float32)
     found = np.empty(len(points), np.int64)

@@ -1,0 +1,1 @@
+"""The search for a pose: hypotheses, and what speaks for them."""

@@ -74,9 +74,7 @@ def match(
     mine = np.concatenate([np.repeat(np.arange(len(source)), count), back.ravel()])
     theirs = np.concatenate([there.ravel(), np.repeat(np.arange(len(target)), count)])
     apart = np.concatenate([there_apart.ravel(), back_apart.ravel()])
-    _, first, times = np.unique(
-        mine * len(target) + theirs, return_index=True, return_counts=True
-    )
+    _, first, times = np.unique(mine * len(target) + theirs, return_index=True, return_counts=True)
     mutual = times > 1
     order = np.lexsort((apart[first], ~mutual))[:most]
     rows = first[order]
