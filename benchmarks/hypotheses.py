@@ -59,10 +59,13 @@ def ours(pair, bare, count):
     mine, theirs = surface_of(source), surface_of(target)
     oriented = mine.oriented and theirs.oriented
     watch = [time.process_time()]
-    edge = features.common_edge(mine.points, theirs.points)
-    described = [features.describe(s.points, s.normals, edge, oriented) for s in (mine, theirs)]
+    levels = []
+    for places in search.PLACES:
+        edge = features.common_edge(mine.points, theirs.points, places)
+        described = [features.describe(s.points, s.normals, edge, oriented) for s in (mine, theirs)]
+        levels.append(search.Matched.of(*described))
     watch.append(time.process_time())
-    found = search.from_features(*described, oriented, count)
+    found = search.among(levels, oriented, count)
     watch.append(time.process_time())
     seconds = np.diff(watch)
     orders = {"score": np.arange(len(found.poses))}

@@ -7,7 +7,7 @@ from typing import Any
 
 import numpy as np
 
-from hmrf_icp.kernels.compiled import njit
+from hmrf_icp.kernels.compiled import ANY_ORDER, njit
 
 
 @njit(nogil=True, error_model="numpy")
@@ -21,7 +21,41 @@ def ones(word: Any) -> Any:
     return np.int64((word * np.uint64(0x0101010101010101)) >> np.uint64(56))
 
 
-@njit(nogil=True, error_model="numpy", fastmath={"reassoc", "contract", "arcp", "nsz"})
+@njit(nogil=True, error_model="numpy", fastmath=ANY_ORDER)
+def as_far(source: Any, target: Any, i: int, tolerance: float, apart: float, fits: Any) -> None:
+    """Mark the matches before the i-th that are as far from it in both clouds.
+
+    Coordinates (3, N) in single precision, in a loop without branches: the processor
+    takes several matches at a time.
+    """
+    ax, ay, az = source[0, i], source[1, i], source[2, i]
+    bx, by, bz = target[0, i], target[1, i], target[2, i]
+    square, least = np.float32(tolerance * tolerance), np.float32(apart * apart)
+    for j in range(i):
+        px, py, pz = source[0, j] - ax, source[1, j] - ay, source[2, j] - az
+        qx, qy, qz = target[0, j] - bx, target[1, j] - by, target[2, j] - bz
+        p = px * px + py * py + pz * pz
+        q = qx * qx + qy * qy + qz * qz
+        # |sqrt p - sqrt q| <= t, without a root: p + q - t^2 <= 2 sqrt(p q).
+        left = max(p + q - square, np.float32(0.0))
+        fits[j] = (left * left <= np.float32(4.0) * p * q) & (p >= least) & (q >= least)
+
+
+@njit(nogil=True, error_model="numpy", inline="always")
+def line(points: Any, i: int, j: int) -> Any:
+    """Give the unit vector from point i to point j of (N, 3)."""
+    x, y, z = points[j, 0] - points[i, 0], points[j, 1] - points[i, 1], points[j, 2] - points[i, 2]
+    scale = 1.0 / math.sqrt(x * x + y * y + z * z)
+    return x * scale, y * scale, z * scale
+
+
+@njit(nogil=True, error_model="numpy", inline="always")
+def along(normals: Any, i: int, x: float, y: float, z: float) -> float:
+    """Cosine between normal i of (N, 3) and a unit vector."""
+    return normals[i, 0] * x + normals[i, 1] * y + normals[i, 2] * z
+
+
+@njit(nogil=True, error_model="numpy")
 def compatible(
     source: Any,
     source_normals: Any,
@@ -39,47 +73,28 @@ def compatible(
     """
     n = len(source)
     bits = np.zeros((n, (n + 63) // 64), np.uint64)
+    mine, theirs = np.empty((3, n), np.float32), np.empty((3, n), np.float32)
+    for axis in range(3):
+        # From the middle: single precision does not hold the coordinates of a map.
+        mine[axis] = source[:, axis] - source[:, axis].mean()
+        theirs[axis] = target[:, axis] - target[:, axis].mean()
+    fits = np.zeros(n, np.bool_)
     for i in range(n):
-        ax, ay, az = source[i, 0], source[i, 1], source[i, 2]
-        bx, by, bz = target[i, 0], target[i, 1], target[i, 2]
+        as_far(mine, theirs, i, tolerance, apart, fits)
         for j in range(i):
-            px, py, pz = source[j, 0] - ax, source[j, 1] - ay, source[j, 2] - az
-            qx, qy, qz = target[j, 0] - bx, target[j, 1] - by, target[j, 2] - bz
-            p = px * px + py * py + pz * pz
-            q = qx * qx + qy * qy + qz * qz
-            # |sqrt p - sqrt q| < t  <=>  p + q - t^2 < 2 sqrt(p q)
-            left = p + q - tolerance * tolerance
-            if left * left > 4.0 * p * q and left > 0.0:
+            if not fits[j]:
                 continue
-            if p < apart * apart or q < apart * apart:
-                continue
-            one = (
-                source_normals[i, 0] * source_normals[j, 0]
-                + source_normals[i, 1] * source_normals[j, 1]
-                + source_normals[i, 2] * source_normals[j, 2]
-            )
-            two = (
-                target_normals[i, 0] * target_normals[j, 0]
-                + target_normals[i, 1] * target_normals[j, 1]
-                + target_normals[i, 2] * target_normals[j, 2]
-            )
+            nx, ny, nz = source_normals[j, 0], source_normals[j, 1], source_normals[j, 2]
+            mx, my, mz = target_normals[j, 0], target_normals[j, 1], target_normals[j, 2]
+            one, two = along(source_normals, i, nx, ny, nz), along(target_normals, i, mx, my, mz)
             if abs(one - two) > turn:
                 continue
-            p, q = 1.0 / math.sqrt(p), 1.0 / math.sqrt(q)
-            one = (
-                source_normals[i, 0] * px + source_normals[i, 1] * py + source_normals[i, 2] * pz
-            ) * p
-            two = (
-                target_normals[i, 0] * qx + target_normals[i, 1] * qy + target_normals[i, 2] * qz
-            ) * q
+            px, py, pz = line(source, i, j)
+            qx, qy, qz = line(target, i, j)
+            one, two = along(source_normals, i, px, py, pz), along(target_normals, i, qx, qy, qz)
             if abs(one - two) > turn:
                 continue
-            one = (
-                source_normals[j, 0] * px + source_normals[j, 1] * py + source_normals[j, 2] * pz
-            ) * p
-            two = (
-                target_normals[j, 0] * qx + target_normals[j, 1] * qy + target_normals[j, 2] * qz
-            ) * q
+            one, two = along(source_normals, j, px, py, pz), along(target_normals, j, qx, qy, qz)
             if abs(one - two) > turn:
                 continue
             bits[i, j >> 6] |= np.uint64(1) << np.uint64(j & 63)
@@ -256,3 +271,22 @@ def motions(
             motion(source, target, weight, rows, count, poses[s])
         worth[s] = count
     return poses, worth
+
+
+@njit(nogil=True, error_model="numpy")
+def explained(
+    poses: Any,
+    source: Any,
+    source_normals: Any,
+    target: Any,
+    target_normals: Any,
+    tolerance: float,
+) -> Any:
+    """How many matches each pose (K, 4, 4) explains, (K,)."""
+    out = np.zeros(len(poses))
+    rows, weight = np.empty(len(source), np.int64), np.empty(len(source))
+    for k in range(len(poses)):
+        out[k] = inliers(
+            poses[k], source, source_normals, target, target_normals, tolerance, rows, weight
+        )
+    return out

@@ -61,3 +61,11 @@ def motions(source: Oriented, target: Oriented, edge: float, seeds: int) -> tupl
     poses, explained = consistency.motions(members, *ends, tolerance)
     good = explained >= 3.0
     return np.asarray(poses[good]), np.asarray(explained[good])
+
+
+def explained(poses: Array, source: Oriented, target: Oriented, edge: float) -> Array:
+    """How many of the matches each pose (K, 4, 4) explains, (K,)."""
+    from hmrf_icp.kernels import consistency
+
+    ends = source.points, source.normals, target.points, target.normals
+    return np.asarray(consistency.explained(poses, *ends, TOLERANCE * edge))

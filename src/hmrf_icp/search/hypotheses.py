@@ -2,22 +2,30 @@
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from dataclasses import dataclass
 
 import numpy as np
 from numpy.typing import NDArray
 
-from hmrf_icp.search.consistent_groups import Oriented, motions
+from hmrf_icp.search.consistent_groups import Oriented, explained, motions
 from hmrf_icp.search.feature_matches import match
 from hmrf_icp.search.features import Features, common_edge, describe
 from hmrf_icp.search.surface_agreement import Agreement
 
 Array = NDArray[np.float64]
 
-MATCHES = 5000
+PLACES = (1700, 4000)
+"""Places that a cloud is thinned to, about, one after the other.
+
+What is found differs: of 30 pairs of 3DLoMatch 0.93 with 1,700 places, 0.90 with 4,000, 0.97
+with both.
+"""
+
+MATCHES = 3500
 """Matches that are held against each other: the work grows with the square."""
 
-SEEDS = 1500
+SEEDS = 1000
 """Matches that a group is grown about."""
 
 ALIKE = 0.1
@@ -32,6 +40,25 @@ class Hypotheses:
     scores: Array
 
 
+@dataclass(frozen=True, eq=False)
+class Matched:
+    """Two clouds described with the same edge, and the two ends of the matches between them."""
+
+    source: Features
+    target: Features
+    ends: tuple[Oriented, Oriented]
+
+    @classmethod
+    def of(cls, source: Features, target: Features) -> Matched:
+        """Match the features of two clouds."""
+        pairs = match(source.values, target.values, MATCHES)
+        ends = (
+            Oriented(source.points[pairs.source], source.normals[pairs.source]),
+            Oriented(target.points[pairs.target], target.normals[pairs.target]),
+        )
+        return cls(source, target, ends)
+
+
 def hypotheses(
     source_points: Array,
     source_normals: Array,
@@ -39,9 +66,10 @@ def hypotheses(
     target_normals: Array,
     oriented: bool,
     count: int = 200,
-    edge: float | None = None,
 ) -> Hypotheses:
     """Find up to ``count`` poses that lay one surface on the other, wherever they stand.
+
+    No chance is involved: the same clouds give the same poses.
 
     Parameters
     ----------
@@ -49,39 +77,43 @@ def hypotheses(
         (M, 3) and (N, 3): points, metres, and unit normals (zero where there is none).
     oriented
         Whether the normals' signs mean something: towards the sensor.
-    edge
-        Of the cells that both are thinned to, metres. None chooses one for about 4,000 places.
     """
-    if edge is None:
-        edge = common_edge(source_points, target_points)
-    source = describe(source_points, source_normals, edge, oriented)
-    target = describe(target_points, target_normals, edge, oriented)
-    return from_features(source, target, oriented, count)
+    levels = []
+    edges = [common_edge(source_points, target_points, places) for places in PLACES]
+    for edge in sorted(set(edges)):
+        source = describe(source_points, source_normals, edge, oriented)
+        target = describe(target_points, target_normals, edge, oriented)
+        levels.append(Matched.of(source, target))
+    return among(levels, oriented, count)
 
 
-def from_features(source: Features, target: Features, oriented: bool, count: int) -> Hypotheses:
-    """Find poses between two clouds that were described with the same edge."""
+def among(levels: Sequence[Matched], oriented: bool, count: int) -> Hypotheses:
+    """Find poses between two clouds that were matched on one or more levels."""
+    found = [_distinct_motions(level, count) for level in levels]
+    poses = np.concatenate(found)
+    if len(poses) == 0:
+        return Hypotheses(poses, np.empty(0))
+    agreement = Agreement(levels[0].source, levels[0].target, oriented)
+    poses = agreement.settled(poses)
+    matches = sum(explained(poses, *level.ends, level.source.edge) for level in levels)
+    scores = agreement.score(poses, np.asarray(matches))
+    rows = _different(poses, scores, levels[0].source.points, count)
+    return Hypotheses(poses[rows], scores[rows])
+
+
+def _distinct_motions(level: Matched, count: int) -> Array:
+    poses, worth = motions(*level.ends, level.source.edge, SEEDS)
+    return poses[_different(poses, worth, level.source.points, count)]
+
+
+def _different(poses: Array, worth: Array, points: Array, count: int) -> NDArray[np.int64]:
+    """Rows of up to ``count`` poses, the worthiest first, that lay the points differently."""
     from hmrf_icp.kernels.poses import distinct
 
-    pairs = match(source.values, target.values, MATCHES)
-    poses, explained = motions(
-        Oriented(source.points[pairs.source], source.normals[pairs.source]),
-        Oriented(target.points[pairs.target], target.normals[pairs.target]),
-        source.edge,
-        SEEDS,
-    )
-    if len(poses) == 0:
-        return Hypotheses(np.empty((0, 4, 4)), np.empty(0))
-    corners, size = spread(source.points)
-    order = np.argsort(-explained, kind="stable")
-    apart = ALIKE * size * np.sqrt(len(corners))
-    rows = distinct(placed(poses, corners), order, apart, 2 * count)
-    poses, explained = poses[rows], explained[rows]
-    agreement = Agreement(source, target, oriented)
-    poses = agreement.settled(poses)
-    scores = agreement.score(poses, explained)
-    rows = distinct(placed(poses, corners), np.argsort(-scores, kind="stable"), apart, count)
-    return Hypotheses(poses[rows], scores[rows])
+    corners, size = spread(points)
+    apart = ALIKE * size * float(np.sqrt(len(corners)))
+    order = np.argsort(-worth, kind="stable")
+    return np.asarray(distinct(placed(poses, corners), order, apart, count))
 
 
 def spread(points: Array) -> tuple[Array, float]:

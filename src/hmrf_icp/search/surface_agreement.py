@@ -70,7 +70,7 @@ class Agreement:
         """Order poses (K, 4, 4) that explain so many matches (K,): larger is likelier."""
         shares = self.shares(poses)
         agree = shares[:, 0] + shares[:, 2]
-        return np.asarray(np.log(explained) + np.log(agree + 0.01))
+        return np.asarray(np.log(explained + 1.0) + np.log(agree + 0.01))
 
 
 class Onto:
