@@ -137,19 +137,26 @@ def support(bits: Any) -> Any:
 
 
 @njit(nogil=True, error_model="numpy")
-def groups(bits: Any, seeds: Any, most: int) -> Any:
-    """Grow a clique from each seed: members (S, most), -1 where there are no more.
+def groups(bits: Any, seeds: Any, limit: int, often: int, most: int) -> Any:
+    """Grow up to ``limit`` cliques from ``seeds``: members (S, most), -1 where there are no more.
 
     The next member is the one with most neighbours among those that all members so far have
-    in common.
+    in common. A match that is in ``often`` cliques already is no seed: so they spread.
     """
     words = bits.shape[1]
-    out = np.full((len(seeds), most), -1, np.int64)
+    out = np.full((limit, most), -1, np.int64)
     found = np.empty(64 * words, np.int64)
     common = np.empty(words, np.uint64)
-    for s in range(len(seeds)):
-        out[s, 0] = seeds[s]
-        common[:] = bits[seeds[s]]
+    member = np.zeros(bits.shape[0], np.int64)
+    s = 0
+    for seed in seeds:
+        if s == limit:
+            break
+        if member[seed] >= often:
+            continue
+        out[s, 0] = seed
+        member[seed] += 1
+        common[:] = bits[seed]
         for size in range(1, most):
             count = listed(common, found)
             if count == 0:
@@ -163,9 +170,11 @@ def groups(bits: Any, seeds: Any, most: int) -> Any:
                 if shared > best:
                     best, chosen = shared, j
             out[s, size] = chosen
+            member[chosen] += 1
             for w in range(words):
                 common[w] &= bits[chosen, w]
-    return out
+        s += 1
+    return out[:s]
 
 
 @njit(nogil=True, error_model="numpy")

@@ -27,6 +27,9 @@ TURN = 0.3
 CLIQUE = 12
 """Members of a group that its motion is first fitted to."""
 
+OFTEN = 1
+"""Groups that a match is in before it is no seed of its own."""
+
 
 @dataclass(frozen=True, eq=False)
 class Oriented:
@@ -56,8 +59,8 @@ def motions(source: Oriented, target: Oriented, edge: float, seeds: int) -> tupl
     tolerance = TOLERANCE * edge
     bits = consistency.compatible(*ends, tolerance, APART * edge, TURN)
     support = consistency.support(bits)
-    best = np.argsort(-support, kind="stable")[:seeds]
-    members = consistency.groups(bits, best[support[best] > 0.0], CLIQUE)
+    best = np.argsort(-support, kind="stable")
+    members = consistency.groups(bits, best[support[best] > 0.0], seeds, OFTEN, CLIQUE)
     poses, explained = consistency.motions(members, *ends, tolerance)
     good = explained >= 3.0
     return np.asarray(poses[good]), np.asarray(explained[good])
