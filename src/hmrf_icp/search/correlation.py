@@ -45,13 +45,16 @@ class Sampled:
         (M, 3) metres, each for the same area, and unit vectors.
     signed
         Whether the normals have a sign.
+    seen
+        (K, 3) more of the points, metres: where rays ended.
     viewpoint
-        (3,) where the cloud was seen from, metres; None where that is not known.
+        (3,) where they began, metres; None where that is not known.
     """
 
     points: Array
     normals: Array
     signed: bool
+    seen: Array
     viewpoint: Array | None
 
     def radius(self, centre: Array) -> float:
@@ -178,7 +181,7 @@ def empty_cells(cloud: Sampled, edge: float) -> Array:
 
     if cloud.viewpoint is None:
         return np.empty((0, 3))
-    points = cloud.points
+    points = cloud.seen
     corner = points.min(axis=0) - 2.0 * edge
     shape = np.ceil((points.max(axis=0) - corner) / edge).astype(np.int64) + 2
     seen = np.zeros(shape, dtype=np.bool_)

@@ -27,7 +27,7 @@ DIRECTIONS = 400
 SIDE = 48
 """Edge of the table that directions are looked up in: cells of four degrees."""
 
-WIDTH = math.radians(8.0)
+WIDTH = math.radians(6.0)
 """Spread that every normal is given: what noise and the sampling of rotations leave open."""
 
 POWER = 0.5
@@ -45,7 +45,7 @@ CLIMBERS = 300
 STEPS = (math.radians(4.0), math.radians(2.0))
 """... by turns about each axis, twice by each of these."""
 
-APART = math.radians(8.0)
+APART = math.radians(10.0)
 """Angle within which only the best rotation is kept."""
 
 

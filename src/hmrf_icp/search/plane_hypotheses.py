@@ -20,11 +20,21 @@ Array = NDArray[np.float64]
 POINTS = 3000
 """Points of each cloud that take part, each for the same area."""
 
-ROTATIONS, SHIFTS = 100, 8
-"""Rotations that are correlated at the most, and shifts that are kept of each."""
+RAYS = 10_000
+"""Rays of each that tell what is empty."""
 
-CELLS = 48
+ROTATIONS, FINE = 80, 40
+"""Rotations that are found at the most, and those of them that are correlated on fine grids.
+
+Half of these are the likeliest as they are, half the best of the others on coarse grids: where
+much overlaps the first are right, and where little does the second.
+"""
+
+COARSE_CELLS, CELLS = 32, 48
 """Cells along each edge of the grids."""
+
+SHIFTS = 8
+"""Shifts that are kept of each rotation."""
 
 
 def sampled(
@@ -48,17 +58,23 @@ def sampled(
     viewpoint
         (3,) that place, metres; None where it is not known.
     """
-    rows = np.flatnonzero((normals != 0.0).any(axis=1))
-    if len(rows) > count:
-        # A few points that stand for far more than their share would be taken once only.
-        share = np.minimum(area[rows], 20.0 * np.median(area[rows]))
-        passed = np.floor(np.cumsum(share) * (count / share.sum()) + 0.5)
-        rows = rows[np.diff(passed, prepend=0.0) > 0]
-    return Sampled(points[rows], normals[rows], signed, viewpoint)
+    every = np.flatnonzero((normals != 0.0).any(axis=1))
+    rows, rays = (every[evenly(area[every], n)] for n in (count, RAYS))
+    return Sampled(points[rows], normals[rows], signed, points[rays], viewpoint)
+
+
+def evenly(area: Array, count: int) -> NDArray[np.intp]:
+    """Rows of about ``count`` points that each stand for the same share of the area (M,)."""
+    if len(area) <= count:
+        return np.arange(len(area))
+    # A few points that stand for far more than their share would be taken once only.
+    share = np.minimum(area, 20.0 * np.median(area))
+    passed = np.floor(np.cumsum(share) * (count / share.sum()) + 0.5)
+    return np.flatnonzero(np.diff(passed, prepend=0.0) > 0)
 
 
 def plane_hypotheses(
-    source: Sampled, target: Sampled, most: int, rotations: int = ROTATIONS, cells: int = CELLS
+    source: Sampled, target: Sampled, most: int, rotations: int = ROTATIONS, fine: int = FINE
 ) -> tuple[Array, Array]:
     """Find poses under which surfaces face alike, agree, and leave empty space empty.
 
@@ -70,8 +86,8 @@ def plane_hypotheses(
         Poses to return at the most.
     rotations
         Rotations that are tried at the most.
-    cells
-        Cells along each edge of the grids.
+    fine
+        Those of them that are looked at closely.
 
     Returns
     -------
@@ -82,7 +98,12 @@ def plane_hypotheses(
     turns, _ = likely_rotations(
         Orientations.of(source.normals, signed), Orientations.of(target.normals, signed), rotations
     )
-    correlator = Correlator(source, target, cells)
+    if len(turns) > fine:
+        coarse, sure = Correlator(source, target, COARSE_CELLS), fine // 2
+        promise = [max(coarse.peaks(turn, 1)[1], default=-np.inf) for turn in turns[sure:]]
+        others = np.argsort(-np.array(promise), kind="stable")[: fine - sure]
+        turns = np.concatenate([turns[:sure], turns[sure + np.sort(others)]])
+    correlator = Correlator(source, target, CELLS)
     poses, scores = [], []
     for rotation in turns:
         shifts, score = correlator.peaks(rotation, SHIFTS)
