@@ -142,7 +142,8 @@ def matches(name: str, scenes: tuple, each: int, bare: bool) -> Iterator[Pair]:
             )
         }
         counted = [key for key in truths if key[1] > key[0] + 1]
-        for key in counted[:: max(1, len(counted) // each)][:each]:
+        step = max(1, len(counted) // each)
+        for key in counted[step // 2 :: step][:each]:
             target, source = (
                 reduced(
                     PointCloud(

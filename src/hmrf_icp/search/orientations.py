@@ -33,13 +33,13 @@ WIDTH = math.radians(6.0)
 POWER = 0.5
 """The image counts by its square root: a large plane is no more certain than a small one."""
 
-FAINT = 1e-3
+FAINT = 5e-3
 """Directions in which less of the area faces are left out of the sum."""
 
 COVERING = 5000
 """Rotations that are rated: the nearest to any is about eight degrees away."""
 
-CLIMBERS = 300
+CLIMBERS = 1000
 """The best of them are improved ..."""
 
 STEPS = (math.radians(4.0), math.radians(2.0))

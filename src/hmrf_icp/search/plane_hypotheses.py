@@ -23,7 +23,7 @@ POINTS = 3000
 RAYS = 10_000
 """Rays of each that tell what is empty."""
 
-ROTATIONS, FINE = 80, 40
+ROTATIONS, FINE = 150, 40
 """Rotations that are found at the most, and those of them that are correlated on fine grids.
 
 Half of these are the likeliest as they are, half the best of the others on coarse grids: where
