@@ -13,15 +13,15 @@ import argparse
 import time
 
 import numpy as np
-
-import hypothesis_pairs
-from hmrf_icp import se3
 from hmrf_icp.cloud import PointCloud
 from hmrf_icp.confidence import log_odds
 from hmrf_icp.evidence import Judge
+from hmrf_icp.surface import surface_of
+
+import hypothesis_pairs
+from hmrf_icp import se3
 from hmrf_icp.search import features
 from hmrf_icp.search import hypotheses as search
-from hmrf_icp.surface import surface_of
 
 FIRST = (1, 5, 10, 20, 50)
 

@@ -9,17 +9,17 @@ import argparse
 import time
 
 import numpy as np
-import pairs_from_nowhere as data
-
-from hmrf_icp import PointCloud, se3
 from hmrf_icp.confidence import log_odds
 from hmrf_icp.evidence import Near, Verdict, Witness
 from hmrf_icp.kernels.view import AGREE, FRONT
-from hmrf_icp.search.plane_hypotheses import plane_hypotheses, sampled
-from hmrf_icp.search.surprise import surprise
 from hmrf_icp.starts import Annealer, Level, distinct
 from hmrf_icp.surface import surface_of
 from hmrf_icp.view import view_of
+
+import pairs_from_nowhere as data
+from hmrf_icp import PointCloud, se3
+from hmrf_icp.search.plane_hypotheses import plane_hypotheses, sampled
+from hmrf_icp.search.surprise import surprise
 
 MOST = 100
 RANKS = (1, 5, 10, 20, 50, 100)

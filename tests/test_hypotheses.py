@@ -6,17 +6,17 @@ import functools
 
 import numpy as np
 import pytest
-
-from hmrf_icp import render, scenes, se3
 from hmrf_icp.camera import PinholeCamera
 from hmrf_icp.cloud import PointCloud
+from hmrf_icp.surface import surface_of
+
+from hmrf_icp import render, scenes, se3
 from hmrf_icp.kernels import consistency
 from hmrf_icp.search.consistent_groups import Oriented, explained, motions
 from hmrf_icp.search.feature_matches import match, nearest
 from hmrf_icp.search.features import Grid, _histograms, thinned
 from hmrf_icp.search.hypotheses import Hypotheses, hypotheses, placed, spread
 from hmrf_icp.search.normal_signs import agreeing
-from hmrf_icp.surface import surface_of
 
 FAR = se3.exp([2.0, -1.0, 0.5, 3.0, -2.0, 1.0])
 

@@ -14,8 +14,8 @@ from numpy.typing import ArrayLike, NDArray
 from hmrf_icp.clouds.camera import PinholeCamera
 from hmrf_icp.clouds.conversion import as_camera, depth_map, parts_of
 from hmrf_icp.clouds.nothing import MIXED, nothing
+from hmrf_icp.clouds.per_point import Attributes, normals_for
 from hmrf_icp.errors import InputError
-from hmrf_icp.per_point import Attributes, normals_for
 
 MINIMUM_POINTS = 10
 """Fewer observed points than this are refused: six unknowns and some evidence against chance."""

@@ -9,8 +9,8 @@ import numpy as np
 from numpy.typing import NDArray
 
 from hmrf_icp.clouds.camera import PinholeCamera
+from hmrf_icp.clouds.per_point import beside_points
 from hmrf_icp.errors import InputError
-from hmrf_icp.per_point import beside_points
 
 COORDINATES = (("x", "y", "z"), ("X", "Y", "Z"), ("f0", "f1", "f2"))
 """Names of the coordinates in structured arrays; the last are those of librealsense."""

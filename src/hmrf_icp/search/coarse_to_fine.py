@@ -31,6 +31,7 @@ from hmrf_icp.loop.placed import Placed
 from hmrf_icp.loop.reject import Labels, Rejector
 from hmrf_icp.search.candidates import Annealer, Level, distinct, near, shifted, turned
 from hmrf_icp.search.confidence import confidence, log_odds
+from hmrf_icp.search.everywhere import everywhere
 from hmrf_icp.search.start_prior import FALL, FALL_ANYWHERE, StartPrior
 from hmrf_icp.search.visibility import Visibility, VisibilityTest
 from hmrf_icp.search.visible_match import VisibleMatch
@@ -221,17 +222,9 @@ class Search:
         if self._near:
             yield self.shifts, 0, self._plan.finalists
             return
-        from hmrf_icp.search.hypotheses import hypotheses
-
-        source, target = self._source.surface, self._target.surface
-        # Signs of normals that an assumed place gave are mostly right, and tell much; then without.
-        trusted = (True,) if source.oriented and target.oriented else (True, False)
-        for signed in trusted:
-            found = hypotheses(
-                source.points, source.normals, target.points, target.normals, signed, 200
-            )
-            if len(found.poses):
-                yield found.poses, 1, 2 * self._plan.finalists
+        for poses in everywhere(self._source, self._target):
+            if len(poses):
+                yield poses, 1, 2 * self._plan.finalists
         yield self.shifts, 0, self._plan.finalists
 
     def among(self, starts: Array, first: int = 0, most: int | None = None) -> Judged:

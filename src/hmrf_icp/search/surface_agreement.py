@@ -33,7 +33,7 @@ class Agreement:
 
     def settled(self, poses: Array) -> Array:
         """Return poses (K, 4, 4) after a few steps of registration on few points."""
-        from hmrf_icp.kernels.annealed import anneal
+        from hmrf_icp.kernels.candidates import anneal
 
         ends = np.array(poses)
         anneal(
