@@ -132,6 +132,29 @@ def test_a_pgm_is_what_its_header_says_or_refused(tmp_path, content, says):
         read_depth(tmp_path / "d.pgm")
 
 
+def tiff(values, photometric=1):
+    """A TIFF of one strip, with no more in its header than there must be."""
+    height, width = values.shape
+    data, bits = values.tobytes(), 8 * values.dtype.itemsize
+    tags = {256: width, 257: height, 258: bits, 259: 1, 262: photometric, 273: 0, 277: 1}
+    tags |= {278: height, 279: len(data)}
+    start = 14 + 12 * len(tags)
+    entries = (struct.pack("<HHII", tag, 4, 1, v) for tag, v in (tags | {273: start}).items())
+    return struct.pack("<2sHIH", b"II", 42, 8, len(tags)) + b"".join(entries) + bytes(4) + data
+
+
+def test_a_tiff_of_32_bits_keeps_its_largest_distances(tmp_path):
+    depth = np.array([[1000, 2**31], [3, 2**32 - 1]], "<u4")
+    (tmp_path / "d.tif").write_bytes(tiff(depth))
+    np.testing.assert_array_equal(read_depth(tmp_path / "d.tif"), depth)
+
+
+def test_a_tiff_whose_zero_is_white_is_refused(tmp_path):
+    (tmp_path / "d.tif").write_bytes(tiff(np.array([[1000, 2000]], "<u2"), photometric=0))
+    with pytest.raises(InputError, match="upside down"):
+        read_depth(tmp_path / "d.tif")
+
+
 def test_a_line_end_behind_the_last_sample_is_none(tmp_path):
     (tmp_path / "d.pgm").write_bytes(b"P5 2 1 1000\n\1\2\3\4\n")
     assert read_depth(tmp_path / "d.pgm").tolist() == [[258, 772]]

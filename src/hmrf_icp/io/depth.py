@@ -29,6 +29,9 @@ MOST_PIXELS = 100_000_000
 
 _PNG_START = b"\x89PNG\r\n\x1a\n"
 _PNG_END = b"IEND\xaeB`\x82"
+_PHOTOMETRIC, _WHITE_IS_ZERO, _SAMPLE_FORMAT = 262, 0, 339
+"""TIFF's numbers of two tags, and what one of them may say."""
+
 _TIFF_STARTS = (b"II*\0", b"MM\0*", b"II+\0", b"MM\0+")
 
 # Pillow's name for a layout of pixels -> what it is in words, for the layouts that cannot be depth.
@@ -98,7 +101,16 @@ def _read_image(path: Path) -> NDArray[Any]:
             return _pixels(path, PngImageFile(io.BytesIO(data))).astype(np.uint16)
         if data.startswith(_TIFF_STARTS):
             with quietly():
-                return _pixels(path, TiffImageFile(io.BytesIO(data)))
+                image = TiffImageFile(io.BytesIO(data))
+                pixels = _pixels(path, image)
+            if image.tag_v2.get(_PHOTOMETRIC) == _WHITE_IS_ZERO:
+                raise InputError(
+                    f"{path}: a TIFF image whose zero is white holds distances upside down; write "
+                    "it with zero as black (PhotometricInterpretation 1)"
+                )
+            # Pillow has no unsigned 32 bits, and makes large ones negative.
+            unsigned = image.tag_v2.get(_SAMPLE_FORMAT, (1,))[0] == 1
+            return pixels.view(np.uint32) if unsigned and pixels.dtype == np.int32 else pixels
         raise InputError(f"{path}: not a PNG or TIFF image, its first bytes are {data[:8]!r}")
 
 
