@@ -32,8 +32,10 @@ BATCH = 4000
 """Inputs that a process reads."""
 MEMORY = 2 << 30
 """Bytes of address space."""
-SILENCE = 10.0
-"""Seconds that an input may take."""
+WORK = 10.0
+"""Seconds of a processor that an input may take."""
+SILENCE = 120.0
+"""Seconds that it may take in all, on a machine that others use too, or waiting for ever."""
 GROWTH = 512 << 10
 """Kilobytes by which reading one small file may raise the peak of the process's memory."""
 KEPT = 5
@@ -122,14 +124,14 @@ def _batch(state: dict[str, Any], first: int, count: int, folder: Path) -> None:
     one_thread = {"OMP_NUM_THREADS": "1", "OPENBLAS_NUM_THREADS": "1"}
     # libtiff says on stderr what it thinks of a file.
     process = subprocess.Popen(command, env={**os.environ, **one_thread}, stderr=subprocess.DEVNULL)
-    at, since, killed = -1, time.monotonic(), False
+    at, since, work, killed = -1, time.monotonic(), 0.0, False
     try:
         while process.poll() is None:
             time.sleep(0.05)
             now = _at(folder)
             if now != at:
-                at, since = now, time.monotonic()
-            elif time.monotonic() - since > SILENCE + (20.0 if at < 0 else 0.0):
+                at, since, work = now, time.monotonic(), _worked(process.pid)
+            elif time.monotonic() - since > SILENCE or _worked(process.pid) - work > WORK:
                 process.kill()
                 killed = True
                 process.wait()
@@ -146,7 +148,7 @@ def _batch(state: dict[str, Any], first: int, count: int, folder: Path) -> None:
     at = _at(folder)
     if at < 0:
         raise RuntimeError(f"the process that reads did not start (status {process.returncode})")
-    what = f"silent for {SILENCE:g} s" if killed else f"killed by {_signal(process.returncode)}"
+    what = "without an end" if killed else f"killed by {_signal(process.returncode)}"
     from inputs import Inputs
 
     with tempfile.TemporaryDirectory() as name:
@@ -164,6 +166,15 @@ def _at(folder: Path) -> int:
         return int.from_bytes((folder / "at").read_bytes(), "little")
     except OSError:
         return -1
+
+
+def _worked(process: int) -> float:
+    """Seconds of a processor that a process has had."""
+    try:
+        words = Path(f"/proc/{process}/stat").read_text().rpartition(")")[2].split()
+    except OSError:
+        return 0.0
+    return (int(words[11]) + int(words[12])) / os.sysconf("SC_CLK_TCK")
 
 
 def _signal(status: int) -> str:

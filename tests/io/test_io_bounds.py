@@ -143,6 +143,20 @@ def tiff(values, photometric=1):
     return struct.pack("<2sHIH", b"II", 42, 8, len(tags)) + b"".join(entries) + bytes(4) + data
 
 
+def test_a_tiff_that_promises_more_rows_than_it_has_strips_for_is_refused(tmp_path):
+    whole = tiff(np.full((4, 3), 1000, "<u2"))
+    for rows, says in (
+        (9, "9 pixels promised, strips of 12 found"),
+        (2 * 10**7, "would become 120,000,000"),
+    ):
+        taller = whole.replace(
+            struct.pack("<HHII", 257, 4, 1, 4), struct.pack("<HHII", 257, 4, 1, rows)
+        )
+        (tmp_path / "d.tif").write_bytes(taller)
+        with pytest.raises(InputError, match=rf"d\.tif: .*{says}"):
+            read_depth(tmp_path / "d.tif")
+
+
 def test_a_tiff_of_32_bits_keeps_its_largest_distances(tmp_path):
     depth = np.array([[1000, 2**31], [3, 2**32 - 1]], "<u4")
     (tmp_path / "d.tif").write_bytes(tiff(depth))

@@ -12,7 +12,7 @@ from numpy.typing import NDArray
 
 from hmrf_icp.errors import InputError
 from hmrf_icp.io.arrays import read_npy
-from hmrf_icp.io.files import check_suffix, existing_file, quietly, reading
+from hmrf_icp.io.files import check_suffix, existing_file, quietly, reading, require_bounded
 from hmrf_icp.io.pgm import read_pgm
 
 if TYPE_CHECKING:
@@ -98,11 +98,11 @@ def _read_image(path: Path) -> NDArray[Any]:
             # another library has told Pillow to put up with those.
             PngImageFile(io.BytesIO(data)).verify()
             # Some versions of Pillow widen to 32 bits, which would hide that 65535 is the end.
-            return _pixels(path, PngImageFile(io.BytesIO(data))).astype(np.uint16)
+            return _pixels(path, PngImageFile(io.BytesIO(data)), len(data)).astype(np.uint16)
         if data.startswith(_TIFF_STARTS):
             with quietly():
                 image = TiffImageFile(io.BytesIO(data))
-                pixels = _pixels(path, image)
+                pixels = _pixels(path, image, len(data))
             if image.tag_v2.get(_PHOTOMETRIC) == _WHITE_IS_ZERO:
                 raise InputError(
                     f"{path}: a TIFF image whose zero is white holds distances upside down; write "
@@ -114,7 +114,8 @@ def _read_image(path: Path) -> NDArray[Any]:
         raise InputError(f"{path}: not a PNG or TIFF image, its first bytes are {data[:8]!r}")
 
 
-def _pixels(path: Path, image: ImageFile) -> NDArray[Any]:
+def _pixels(path: Path, image: ImageFile, size: int) -> NDArray[Any]:
+    """Decode an image out of ``size`` bytes, if it can be a depth map."""
     bands = len(image.getbands())
     if image.mode in _NOT_DEPTH or bands > 1:
         found = _NOT_DEPTH.get(image.mode, f"an image of {bands} channels ({image.mode})")
@@ -129,5 +130,14 @@ def _pixels(path: Path, image: ImageFile) -> NDArray[Any]:
         raise InputError(
             f"{path}: an image of {image.width} x {image.height} pixels is larger than any depth "
             "map, or its header is damaged"
+        )
+    require_bounded(path, size, image.width * image.height * (2 if "16" in image.mode else 4))
+    # Pillow leaves black what no strip of the file covers.
+    strips = [extents for _, extents, *_ in image.tile if extents is not None]
+    covered = sum((x1 - x0) * (y1 - y0) for x0, y0, x1, y1 in strips)
+    if covered < image.width * image.height:
+        raise InputError(
+            f"{path}: cut short: {image.width} x {image.height} pixels promised, strips of "
+            f"{covered} found"
         )
     return np.array(image)
