@@ -113,7 +113,6 @@ def test_what_was_taken_out_is_said(recording, tmp_path):
     "row",
     [
         *(f"45,3,{overlap}" for overlap in ("nan", "7", "-1", "0", "inf", "half")),
-        "45,99,0.5",
         "x,3,0.5",
         "45,3,0.5\n000045-000003,45,3,0.5",
         '45,3,"0.5',
@@ -123,7 +122,16 @@ def test_what_was_taken_out_is_said(recording, tmp_path):
 def test_pairs_that_nothing_can_be_registered_by(tmp_path, row):
     (tmp_path / "pairs.csv").write_text(f"pair,target,source,overlap\n000045-000003,{row}\n")
     with pytest.raises(InputError, match=r"pairs\.csv: not a list of pairs"):
-        _read_pairs(tmp_path / "pairs.csv", {45, 3})
+        _read_pairs(tmp_path / "pairs.csv")
+
+
+def test_a_pair_of_frames_that_the_recording_has_not_got(recording, tmp_path):
+    configuration = asked(recording, methods=())
+    evaluate(configuration, tmp_path, workers=1, extra_methods=[STAY])
+    with (tmp_path / "pairs.csv").open("a") as stream:
+        stream.write("000003-000099,3,99,0.5\n")
+    with pytest.raises(InputError, match="000003-000099 is not one of the recording's frames"):
+        evaluate(configuration, tmp_path, workers=1, extra_methods=[STAY])
 
 
 def test_a_configuration_nested_without_end(tmp_path):

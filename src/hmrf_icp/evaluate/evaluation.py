@@ -119,7 +119,8 @@ def evaluate(
         if not (folder / PAIRS).is_file():
             found = _find_pairs(complete, sequence, clouds, team, report)
             _write_pairs(folder / PAIRS, found)
-        pairs = _read_pairs(folder / PAIRS, {frame.index for frame in sequence.frames})
+        pairs = _read_pairs(folder / PAIRS)
+        _require_frames(folder / PAIRS, pairs, {frame.index for frame in sequence.frames})
         notes = [*sequence.notes, *alternatives.skipped, *_gaps(pairs, targets)]
         for note in notes:
             if on_note is not None:
@@ -296,18 +297,15 @@ def _write_pairs(path: Path, pairs: Sequence[Pair]) -> None:
         rows.writerows((p.name, p.target, p.source, f"{p.overlap:.9g}") for p in pairs)
 
 
-def _read_pairs(path: Path, frames: Collection[int]) -> tuple[Pair, ...]:
+def _read_pairs(path: Path) -> tuple[Pair, ...]:
     """Read what `_write_pairs` wrote, and refuse what nothing could be registered by."""
     pairs: list[Pair] = []
-    known = set(frames)
     try:
         with path.open(encoding="utf-8", newline="") as stream:
             for row in csv.DictReader(stream, strict=True):
                 pair = Pair(int(row["target"]), int(row["source"]), float(row["overlap"]))
                 if not 0.0 < pair.overlap <= 1.0:
                     raise ValueError(f"an overlap of {row['overlap']}, expected above 0, up to 1")
-                if not {pair.target, pair.source} <= known:
-                    raise ValueError(f"{pair.name}: no such frames in the sequence")
                 pairs.append(pair)
         if len({pair.name for pair in pairs}) < len(pairs):
             raise ValueError("a pair is there twice")
@@ -316,6 +314,16 @@ def _read_pairs(path: Path, frames: Collection[int]) -> tuple[Pair, ...]:
             f"{path}: not a list of pairs ({error}); begin anew with --fresh"
         ) from None
     return tuple(pairs)
+
+
+def _require_frames(path: Path, pairs: Sequence[Pair], frames: Collection[int]) -> None:
+    """Refuse pairs of frames that the recording has not got."""
+    for pair in pairs:
+        if pair.target not in frames or pair.source not in frames:
+            raise InputError(
+                f"{path}: the pair {pair.name} is not one of the recording's frames; begin anew "
+                "with --fresh"
+            )
 
 
 def _taken_out(path: Path, lines: Sequence[tuple[int, str]]) -> str:
