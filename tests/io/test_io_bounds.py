@@ -5,12 +5,13 @@ from __future__ import annotations
 import json
 import os
 import struct
+import warnings
 import zipfile
 
 import numpy as np
 import pytest
 
-from hmrf_icp import InputError
+from hmrf_icp import InputError, PinholeCamera, PointCloud
 from hmrf_icp.io import read_cloud, read_depth, read_intrinsics, read_pose, write_pose
 from hmrf_icp.io.whole import require_writable
 
@@ -130,6 +131,14 @@ def test_a_pgm_is_what_its_header_says_or_refused(tmp_path, content, says):
     (tmp_path / "d.pgm").write_bytes(content)
     with pytest.raises(InputError, match=rf"d\.pgm: .*{says}"):
         read_depth(tmp_path / "d.pgm")
+
+
+def test_a_focal_length_next_to_nothing_leaves_no_point_and_no_warning():
+    camera = PinholeCamera(width=3, height=2, fx=1e-320, fy=1e-320, cx=0.5, cy=0.5)
+    with warnings.catch_warnings():
+        warnings.simplefilter("error")
+        cloud = PointCloud.from_depth(np.ones((2, 3)), camera)
+    assert not cloud.observed.any()
 
 
 def tiff(values, photometric=1):
