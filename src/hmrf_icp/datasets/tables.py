@@ -11,7 +11,6 @@ import numpy as np
 from hmrf_icp.errors import InputError
 from hmrf_icp.se3 import Array, as_rigid
 
-
 LARGEST_NUMBER = 1e100
 """No time or place is written with more; the squares of such numbers are finite."""
 
