@@ -28,10 +28,10 @@ def everywhere(source: PreparedCloud, target: PreparedCloud) -> Iterator[Array]:
     mine, theirs = source.surface, target.surface
     sides = mine.points, mine.normals, theirs.points, theirs.normals
     yield hypotheses(*sides, True, MOST).poses
-    both = (
+    first, second = (
         sampled(one.points, one.normals, one.area, one.oriented, cloud.cloud.viewpoint)
         for cloud, one in ((source, mine), (target, theirs))
     )
-    yield plane_hypotheses(*both, MOST)[0]
+    yield plane_hypotheses(first, second, MOST)[0]
     if not (mine.oriented and theirs.oriented):
         yield hypotheses(*sides, False, MOST).poses
