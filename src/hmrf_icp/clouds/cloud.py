@@ -81,20 +81,7 @@ class PointCloud:
 
     def __post_init__(self) -> None:
         """Copy the points, mark what is unobserved with NaN, and freeze the arrays."""
-<<<<<<< HEAD:src/hmrf_icp/clouds/cloud.py
         points, normals, attributes = parts_of(self.points)
-=======
-        try:
-            with np.errstate(invalid="ignore", over="ignore"):  # NaN that signals, or too large
-                points = np.array(self.points, dtype=np.float64)
-        except (TypeError, ValueError) as error:
-            raise InputError(f"points: expected an array of numbers, got {error}") from None
-        if points.ndim not in (2, 3) or points.shape[-1] != 3:
-            raise InputError(
-                f"points: expected shape (N, 3) or (H, W, 3), got {points.shape}"
-                + ("; make it a cloud with PointCloud.from_depth" if points.ndim == 2 else "")
-            )
->>>>>>> io:src/hmrf_icp/cloud.py
         points[~each(np.isfinite(points))] = np.nan
         object.__setattr__(self, "points", points)
         if self.normals is None:

@@ -16,12 +16,8 @@ from hmrf_icp.errors import InputError
 from hmrf_icp.evaluate import configuration as config
 from hmrf_icp.evaluate import methods, peers, protocol, work
 from hmrf_icp.evaluate.configuration import Configuration
-<<<<<<< HEAD
 from hmrf_icp.evaluate.methods import NamedMethod
-=======
-from hmrf_icp.evaluate.methods import Method
 from hmrf_icp.evaluate.plain import require_name
->>>>>>> io
 from hmrf_icp.evaluate.plan import Plan
 from hmrf_icp.evaluate.progress import IN_BYTES, REGISTERING, Progress, silent
 from hmrf_icp.evaluate.protocol import Pair

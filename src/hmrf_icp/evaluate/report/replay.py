@@ -15,12 +15,8 @@ from numpy.typing import NDArray
 from hmrf_icp import datasets, se3
 from hmrf_icp.errors import HmrfIcpError, InputError, RegistrationWarning
 from hmrf_icp.evaluate import peers
-<<<<<<< HEAD
 from hmrf_icp.evaluate.methods import NamedMethod, own_methods
-=======
-from hmrf_icp.evaluate.methods import Method, own_methods
 from hmrf_icp.evaluate.plain import plain
->>>>>>> io
 from hmrf_icp.evaluate.prepared import Prepared
 from hmrf_icp.evaluate.progress import Progress, silent
 from hmrf_icp.evaluate.protocol import Axes, Start, perturbed, true_transformation

@@ -14,14 +14,9 @@ from hmrf_icp.errors import InputError
 from hmrf_icp.evaluate.plain import plain
 from hmrf_icp.evaluate.progress import Progress, silent
 from hmrf_icp.evaluate.report.hindsight import Hindsight, hindsights
-<<<<<<< HEAD
 from hmrf_icp.evaluate.report.methods import ReportedMethod, Roster
 from hmrf_icp.evaluate.report.runs import Mask, ReportedStart, Runs, Success, read_results
-=======
-from hmrf_icp.evaluate.report.methods import Method, Roster
-from hmrf_icp.evaluate.report.runs import Mask, Runs, Start, Success, read_results
 from hmrf_icp.io.files import reading
->>>>>>> io
 
 
 @dataclass(frozen=True, eq=False)
