@@ -155,7 +155,8 @@ def _filled(array: NDArray[Any]) -> NDArray[np.float64]:
     if array.dtype.kind not in "iufO":
         raise InputError(f"{ADVICE}; got {_what(array)}")
     try:
-        copy = np.array(np.ma.getdata(array), dtype=np.float64, order="C")
+        with np.errstate(invalid="ignore", over="ignore"):  # NaN that signals, or too large
+            copy = np.array(np.ma.getdata(array), dtype=np.float64, order="C")
     except (TypeError, ValueError) as error:
         raise InputError(f"{ADVICE}; got {_what(array)} ({error})") from None
     if isinstance(array, np.ma.MaskedArray):
