@@ -1,0 +1,1 @@
+"""Clouds, and what can be told of how they were seen."""

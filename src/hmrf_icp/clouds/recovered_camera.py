@@ -40,9 +40,9 @@ within."""
 NEAR = 3.0
 """Pixels within which half of the points must be before a moved camera is fitted with care."""
 
-BETTER = 0.2
-"""A pinhole must leave less than this share of what a projection along parallel rays leaves:
-on a plane that faces the camera both fit, and nothing says where it was seen from."""
+RELIEF, BETTER = 1.0, 0.2
+"""Pixels that a projection along parallel rays must leave at least, and the share of them that a
+pinhole may: on a plane that faces the camera both fit, and nothing says where it was seen from."""
 
 UNSURE = 0.01
 """Deviation of the place, as a share of the median depth, from which a pose counts as unknown."""
@@ -125,10 +125,11 @@ def recovered_camera(points: Array) -> RecoveredCamera | None:
         residual = float(np.quantile(off, 0.9))
         focal = float(np.linalg.norm(projection[0, :3]))
         # A rounded coordinate moves the pixel by focal / depth as much, the depth itself alike.
-        blur = focal * float(np.median(rounding / depth))
+        blur = focal * rounding / float(np.quantile(depth, 0.1))
         if residual > min(max(FITS, ROUNDINGS * blur), STILL):
             continue
-        if residual > BETTER * _parallel(pixels, some):
+        parallel = _parallel(pixels, some)
+        if parallel < RELIEF or residual > BETTER * parallel:
             return None
         return _decomposed(projection, points.shape[:2], residual)
     return None
@@ -189,7 +190,7 @@ def _in_its_frame(pixels: Array, points: Array) -> Array | None:
 
 
 def _in_its_frame_on_its_side(pixels: Array, points: Array) -> Array | None:
-    """The same for a grid whose rows and columns changed places."""
+    """Fit the same to a grid whose rows and columns changed places."""
     projection = _in_its_frame(pixels[:, ::-1], points)
     return None if projection is None else projection[[1, 0, 2]]
 
@@ -285,7 +286,8 @@ def _without_skew(projection: Array, pixels: Array, points: Array) -> Array | No
     except ValueError:
         return None
     left = float(fit.fun @ fit.fun) / max(1, len(fit.fun) - 10)
-    information = fit.jac.T @ fit.jac
+    jacobian = np.asarray(fit.jac, dtype=np.float64)
+    information = jacobian.T @ jacobian
     if np.linalg.cond(information) > 1e14:
         return None
     if np.sqrt(left * np.linalg.inv(information)[7:, 7:].trace()) > UNSURE:
@@ -300,7 +302,7 @@ def _factors(left: Array) -> tuple[Array, Array]:
     k, rotation = rq(left)
     signs = np.where(np.diag(k) < 0.0, -1.0, 1.0)
     k, rotation = k * signs, rotation * signs[:, None]
-    return k / k[2, 2], rotation
+    return np.asarray(k / k[2, 2]), np.asarray(rotation)
 
 
 def _parallel(pixels: Array, points: Array) -> float:
