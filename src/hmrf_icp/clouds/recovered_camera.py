@@ -162,7 +162,7 @@ def _rounding(points: Array) -> float:
         gaps = gaps[gaps > 4.0 * single]
         if gaps.size:
             unit = max(unit, float(gaps.min()))
-    return (unit + single) / np.sqrt(12.0)
+    return (unit + single) / math.sqrt(12.0)
 
 
 def _off(projection: Array, pixels: Array, points: Array) -> tuple[Array, Array]:

@@ -42,8 +42,8 @@ MARGIN = 1.5
 BESIDE = 0.2
 """How far the places stand that a place is compared with, as a share of the cloud's size."""
 
-PSEUDO = 0.003
-"""Added to every share of hidden points, so that none is zero."""
+PSEUDO = 0.01
+"""Added to every share of hidden points: few points more or less are no evidence."""
 
 STARTS = (2.0, 0.7)
 """Distances from the centre, in sizes, from which places are looked for."""
@@ -54,8 +54,10 @@ SHADOWS = 0.5
 BELIEVED = 0.8
 """Weight from which a place counts as known."""
 
-CONSTANT, HIDDEN, CONTRAST, EVEN = 0.0, 0.0, 0.0, 0.0
-"""Log-odds of a place."""
+CONSTANT, HIDDEN, CONTRAST = -2.27, -0.27, 5.74
+"""Log-odds of a place: alone, for each e-fold of hidden points, and for each e-fold more of them
+beside the place. A logistic regression on depth maps, LiDAR scans, fused and closed clouds and
+random ones, every kind counting the same."""
 
 DIRECTIONS = np.array(
     [
@@ -87,23 +89,14 @@ class Evidence:
 
     hidden: float
     beside: float
-    above: float
     uneven: float
-
-    @property
-    def features(self) -> tuple[float, float, float]:
-        """Logarithms of the share, of how much it grows beside the place, and of the unevenness."""
-        return (
-            math.log(self.hidden + PSEUDO),
-            math.log((self.beside + PSEUDO) / (self.hidden + PSEUDO)),
-            math.log(max(self.uneven, 1e-3)),
-        )
 
     @property
     def weight(self) -> float:
         """Probability that the cloud was seen from there."""
-        hidden, contrast, uneven = self.features
-        odds = CONSTANT + HIDDEN * hidden + CONTRAST * contrast + EVEN * uneven
+        clear = math.log(self.hidden + PSEUDO)
+        contrast = math.log(self.beside + PSEUDO) - clear
+        odds = CONSTANT + HIDDEN * clear + CONTRAST * contrast
         return 1.0 / (1.0 + math.exp(-min(max(odds, -30.0), 30.0)))
 
 
@@ -168,9 +161,7 @@ class Seeing:
         hidden = self.hidden(place)
         ways = place + BESIDE * self.size * DIRECTIONS
         beside = np.array([self.hidden(way) for way in ways])
-        return Evidence(
-            hidden, float(beside.mean()), float(np.mean(beside > hidden)), self.uneven(place)
-        )
+        return Evidence(hidden, float(beside.mean()), self.uneven(place))
 
     def sought(self) -> tuple[Array, Evidence]:
         """Find the place for which most speaks: coarse to fine, from many places at once."""
