@@ -27,7 +27,7 @@ from hmrf_icp.criteria import StoppingRule
 from hmrf_icp.degeneracy import NOISE_ALONE
 from hmrf_icp.evidence import Judge, Verdict
 from hmrf_icp.icp import Iteration, Loop, Method, Outcome
-from hmrf_icp.prior import FALL, FALL_UNSEEN, StartPrior
+from hmrf_icp.prior import StartPrior
 from hmrf_icp.reject import Rejector
 from hmrf_icp.resolution import reduced, standing
 from hmrf_icp.starts import Annealer, Level, distinct, near, shifted, turned
@@ -109,8 +109,7 @@ class CoarseToFine:
         """Register; see :func:`hmrf_icp.register`."""
         search = Search(self, source, target, init, on_iteration)
         end = search.among(search.turns)
-        # Without free space to contradict them, more candidates are only more mistakes.
-        if end.verdict.seen and end.confidence < CONVINCED:
+        if end.confidence < CONVINCED:
             end = search.among(search.shifts)
         outcome = spread(end.outcome, standing(source, self.points))
         return replace(outcome, verdict=end.verdict, confidence=end.confidence)
@@ -150,8 +149,7 @@ class Search:
 
         size = surface_of(self._target).size
         middle = se3.transform(init, centre(surface_of(self._source)))
-        fall = FALL if self._asked_late.seen else FALL_UNSEEN
-        self._prior = StartPrior(init, middle, size, fall)
+        self._prior = StartPrior(init, middle, size)
         self.turns = turned(init, middle, plan.turn, plan.apart)
         self.shifts = shifted(self.turns, plan.shift * size)
 

@@ -2,19 +2,26 @@
 
 from __future__ import annotations
 
+import math
 from dataclasses import dataclass
 from typing import Protocol
 
 import numpy as np
 from numpy.typing import NDArray
 
-from hmrf_icp import se3
+from hmrf_icp import kept, se3
 from hmrf_icp.cloud import PointCloud
 from hmrf_icp.match import tree_of
 from hmrf_icp.surface import Surface, surface_of
 from hmrf_icp.view import BAND, view_of
 
 Array = NDArray[np.float64]
+
+OFF = 4.0
+"""Times what a point on a surface may be off it: farther away, a point is no evidence."""
+
+AROUND, GAP = 20, math.radians(110.0)
+"""Neighbours of a point, and the angle that they leave free from which it is at a border."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -49,8 +56,8 @@ class Verdict:
         At the depth of a surface that faces another way.
     seen
         Whether a sensor's view was asked. Where no viewpoint is known, points
-        agree with the surface they are near, or are ``outside``: that tells how
-        much overlaps, and nothing of free space.
+        agree with the surface they are on, are in ``front`` where they are a little off it and
+        it goes on all round, and ``outside`` elsewhere.
     """
 
     agree: int
@@ -89,21 +96,58 @@ class Asked(Protocol):
 
 
 class Near:
-    """A surface seen from nowhere in particular: points are near it, or outside."""
+    """A surface seen from nowhere in particular: points are on it, off it, or beyond it.
 
-    def __init__(self, cloud: PointCloud) -> None:
+    Nobody knows what was seen to be empty. But a surface that goes on all round a point was
+    sampled there, and what lies a little off it contradicts it as free space does: of two poses
+    the right one lays surface on surface, and the wrong one through it. What is near the border of
+    a surface, or far from any, is no evidence.
+
+    Parameters
+    ----------
+    cloud
+        The cloud.
+    band
+        Deviations of the noise by which a point on the surface may be off it, beside the spacing.
+    """
+
+    def __init__(self, cloud: PointCloud, band: float = BAND) -> None:
         self._surface = surface = surface_of(cloud)
         self._tree = tree_of(cloud)
-        self._band = BAND * surface.noise + np.sqrt(surface.area)
+        self._band = band * surface.noise + np.sqrt(surface.area)
+        self._border = border_of(cloud)
 
     def ask(self, points: Array, normals: Array, pose: Array) -> NDArray[np.uint8]:
-        """Ask who is within the noise and the spacing of the closest point, and faces its way."""
-        from hmrf_icp.kernels.view import AGREE, FACING, OTHER, OUTSIDE
-
+        """Ask who is on the surface, facing its way, and who is off it where it goes on."""
         distance, row = self._tree.query(se3.transform(pose, points))
-        cosine = np.abs(((normals @ pose[:3, :3].T) * self._surface.normals[row]).sum(axis=1))
-        verdict = np.where(cosine > FACING, AGREE, OTHER)
-        return np.where(distance < self._band[row], verdict, OUTSIDE).astype(np.uint8)
+        return self.tell(distance, row, normals @ pose[:3, :3].T)
+
+    def tell(self, distance: Array, row: NDArray[np.integer], normals: Array) -> NDArray[np.uint8]:
+        """Tell the same of points with normals (M, 3) at a distance (M,) from the closest row."""
+        from hmrf_icp.kernels.view import AGREE, FACING, FRONT, OTHER, OUTSIDE
+
+        cosine = np.abs((normals * self._surface.normals[row]).sum(axis=1))
+        on = np.where(cosine > FACING, AGREE, OTHER)
+        off = (distance < OFF * self._band[row]) & ~self._border[row]
+        verdict = np.where(distance < self._band[row], on, np.where(off, FRONT, OUTSIDE))
+        return verdict.astype(np.uint8)
+
+
+def border_of(cloud: PointCloud) -> NDArray[np.bool_]:
+    """Tell which observed points (M,) are at the border of their surface; done once a cloud."""
+
+    def find() -> NDArray[np.bool_]:
+        from hmrf_icp.kernels.border import find_border
+
+        surface = surface_of(cloud)
+        count = min(AROUND + 1, len(surface.points))
+        _, index = tree_of(cloud).query(surface.points, k=count)
+        border = np.empty(len(surface.points), dtype=np.bool_)
+        neighbours = np.ascontiguousarray(index[:, 1:], dtype=np.int64)
+        find_border(surface.points, surface.normals, neighbours, GAP, border)
+        return border
+
+    return kept.once(cloud, "border", find)
 
 
 class Judge:

@@ -7,6 +7,7 @@ from dataclasses import dataclass, field, replace
 import numpy as np
 
 from hmrf_icp.cloud import PointCloud
+from hmrf_icp.evidence import Near
 from hmrf_icp.match import Match, Matcher, Matches, NearestNeighbour
 from hmrf_icp.placed import Placed
 from hmrf_icp.surface import surface_of
@@ -20,7 +21,8 @@ class Seen:
     A point in space that the sensor looked through, hidden behind what it saw,
     or where it did not look, has no counterpart whatever its distance to the
     closest point (Masuda and Yokoya 1995 name these classes). Without a
-    viewpoint there is no evidence, and nothing but the matches.
+    viewpoint a point has one where it is on the target's surface, within the noise and the
+    spacing, and faces its way.
 
     Parameters
     ----------
@@ -44,11 +46,19 @@ class Seen:
         """Look up what the target's sensor saw."""
         match = self.match.prepare(source, target)
         view = view_of(target)
-        if view is None:
-            return match
-        view = view.wider((self.band - BAND) * surface_of(target).noise)
         surface = surface_of(source)
         log_odds = np.array(self.log_odds)
+        if view is None:
+            near = Near(target, self.band)
+
+            def on(source: Placed) -> Matches:
+                found = match(source)
+                normals = surface.normals @ source.transformation[:3, :3].T
+                verdict = near.tell(found.distance, found.index, normals)
+                return replace(found, evidence=log_odds[verdict])
+
+            return on
+        view = view.wider((self.band - BAND) * surface_of(target).noise)
 
         def seen(source: Placed) -> Matches:
             verdict = view.ask(surface.points, surface.normals, source.transformation)

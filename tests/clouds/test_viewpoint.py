@@ -60,7 +60,8 @@ def test_closed_and_random_clouds_were_seen_from_nowhere() -> None:
     rng = np.random.default_rng(0)
     ball = rng.normal(size=(4000, 3))
     sphere = ball / np.linalg.norm(ball, axis=1)[:, None]
-    for points in (ball, sphere, sphere + [0.3, 0.1, 0.0], sphere + [0.0, 0.0, 3.0]):
+    aside, away = np.array([0.3, 0.1, 0.0]), np.array([0.0, 0.0, 3.0])
+    for points in (ball, sphere, sphere + aside, sphere + away):
         assert viewpoint_of(points, anywhere=False).source == "none"
 
 
