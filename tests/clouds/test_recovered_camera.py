@@ -8,6 +8,7 @@ from numpy.typing import NDArray
 
 from hmrf_icp import PinholeCamera, render, scenes, se3
 from hmrf_icp.clouds.recovered_camera import recovered_camera
+from hmrf_icp.kernels.view import project
 
 CAMERA = PinholeCamera(width=120, height=90, fx=105.0, fy=110.0, cx=57.5, cy=46.0)
 MOTION = se3.rigid(se3.rotation_exp(np.array([0.4, -1.1, 0.7])), np.array([3.0, -1.0, 2.0]))
@@ -66,6 +67,19 @@ def test_a_moved_cloud_tells_how_it_was_moved(points: NDArray[np.float64], scale
     np.testing.assert_allclose(found.pose[:3, :3], MOTION[:3, :3], atol=1e-6)
     np.testing.assert_allclose(found.viewpoint, scale * MOTION[:3, 3], atol=1e-6 * scale)
     assert found.camera.fx == pytest.approx(CAMERA.fx, rel=1e-6)
+
+
+def test_the_view_of_a_moved_cloud_projects_its_points_to_their_pixels(
+    points: NDArray[np.float64],
+) -> None:
+    moved = se3.transform(MOTION, points.reshape(-1, 3)).reshape(points.shape)
+    found = recovered_camera(moved)
+    assert found is not None
+    for row, column in ((10, 20), (45, 60), (80, 100)):
+        assert np.isfinite(moved[row, column, 0])
+        v, u, depth = project(found.projection, *moved[row, column])
+        assert (v, u) == pytest.approx((row, column), abs=1e-6)
+        assert depth == pytest.approx(points[row, column, 2])
 
 
 @pytest.mark.parametrize("way", ["columns", "rows", "transposed", "upwards"])

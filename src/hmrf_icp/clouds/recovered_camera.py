@@ -84,6 +84,13 @@ class RecoveredCamera:
         return not self.mirrored and bool(np.array_equal(self.pose, np.eye(4)))
 
     @property
+    def projection(self) -> Array:
+        """(17,) the same as :class:`hmrf_icp.view.View` has it, for points in the cloud's frame."""
+        camera, rotation = self.camera, self.pose[:3, :3].T
+        numbers = [0.0, camera.fx, camera.fy, camera.cx, camera.cy]
+        return np.concatenate([numbers, self.viewpoint, rotation.ravel()])
+
+    @property
     def text(self) -> str:
         """What was recovered, in a line."""
         camera = self.camera
