@@ -1,4 +1,4 @@
-"""Without a viewpoint: what lies on a surface, a little off it, beside it, and beyond its border."""
+"""Without a viewpoint: what lies on a surface, a little off it, beside it, beyond its border."""
 
 from __future__ import annotations
 
