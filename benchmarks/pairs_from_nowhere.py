@@ -113,9 +113,7 @@ def fragments(name: str, targets: tuple, each: int, _bare: bool) -> Iterator[Pai
             truth = protocol.true_transformation(pose[i], pose[target])
             share = protocol.overlap(clouds[i], clouds[target], truth)
             if i != target and share >= 0.1:
-                there.append(
-                    Pair(f"{target:02d}-{i:02d}", clouds[i], clouds[target], truth, share)
-                )
+                there.append(Pair(f"{target:02d}-{i:02d}", clouds[i], clouds[target], truth, share))
         yield from there[:each]
 
 
@@ -168,7 +166,9 @@ def real(name: str, _chosen: tuple, each: int, bare: bool) -> Iterator[Pair]:
             points = np.load(folder / f"{side}.npz")["points"].astype(float)
             camera = meta["camera"]
             if camera is not None and points.ndim == 3 and not bare:
-                cloud = PointCloud(points, PinholeCamera(int(camera[0]), int(camera[1]), *camera[2:]))
+                cloud = PointCloud(
+                    points, PinholeCamera(int(camera[0]), int(camera[1]), *camera[2:])
+                )
             else:
                 cloud = PointCloud(points, None, None if bare else meta["viewpoint"])
             clouds.append(reduced(cloud, MOST))

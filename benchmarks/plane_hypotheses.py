@@ -9,8 +9,8 @@ import argparse
 import time
 
 import numpy as np
-import pairs_from_nowhere as data
 
+import pairs_from_nowhere as data
 from hmrf_icp import PointCloud, se3
 from hmrf_icp.confidence import log_odds
 from hmrf_icp.evidence import Near, Verdict, Witness
@@ -35,12 +35,13 @@ class Clock:
         self.last = time.thread_time()
 
     def __call__(self):
+        """Return the seconds since the last call."""
         before, self.last = self.last, time.thread_time()
         return self.last - before
 
 
 def verdicts(source: PointCloud, target: PointCloud, poses: np.ndarray) -> np.ndarray:
-    """What either cloud's view says of the other's points: (K, M)."""
+    """Ask either cloud's view about the other's points under each pose: (K, M)."""
     sides = []
     seen = view_of(source) is not None or view_of(target) is not None
     for free, fixed, motions in (

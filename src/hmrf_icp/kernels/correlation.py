@@ -91,11 +91,7 @@ def carve(points: Any, viewpoint: Any, corner: Any, edge: float, short: float, s
             i = math.floor((viewpoint[0] + t * a - corner[0]) / edge)
             j = math.floor((viewpoint[1] + t * b - corner[1]) / edge)
             l = math.floor((viewpoint[2] + t * c - corner[2]) / edge)  # noqa: E741
-            if (
-                0 <= i < seen.shape[0]
-                and 0 <= j < seen.shape[1]
-                and 0 <= l < seen.shape[2]
-            ):
+            if 0 <= i < seen.shape[0] and 0 <= j < seen.shape[1] and 0 <= l < seen.shape[2]:
                 seen[i, j, l] = True
 
 
@@ -115,7 +111,9 @@ def multiply(moving: Any, fixed: Any, both: Any) -> None:
 
 
 @njit(nogil=True, error_model="numpy")
-def peaks(agree: Any, violated: Any, floor: float, most: int, ratio: Any, cell: Any, value: Any) -> int:
+def peaks(
+    agree: Any, violated: Any, floor: float, most: int, ratio: Any, cell: Any, value: Any
+) -> int:
     """Find the highest local maxima of (agreement + floor) / (violation + floor).
 
     The grids are (N, N, N), ``ratio`` is scratch of that shape. Writes ``cell`` (most, 3),

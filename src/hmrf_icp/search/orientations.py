@@ -106,9 +106,7 @@ def _density(at: Array, means: Array, share: Array, signed: bool) -> Array:
     return np.asarray(np.exp((cosine - 1.0) / WIDTH**2) @ share)
 
 
-def likely_rotations(
-    source: Orientations, target: Orientations, most: int
-) -> tuple[Array, Array]:
+def likely_rotations(source: Orientations, target: Orientations, most: int) -> tuple[Array, Array]:
     """Find rotations under which the source faces like the target.
 
     Returns
