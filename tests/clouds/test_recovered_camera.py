@@ -7,8 +7,9 @@ import pytest
 from hmrf_icp.kernels.view import project
 from numpy.typing import NDArray
 
-from hmrf_icp import PinholeCamera, render, scenes, se3
+from hmrf_icp import PinholeCamera, se3
 from hmrf_icp.clouds.recovered_camera import recovered_camera
+from hmrf_icp.synthetic import render, scenes
 
 CAMERA = PinholeCamera(width=120, height=90, fx=105.0, fy=110.0, cx=57.5, cy=46.0)
 MOTION = se3.rigid(se3.rotation_exp(np.array([0.4, -1.1, 0.7])), np.array([3.0, -1.0, 2.0]))

@@ -6,8 +6,9 @@ import numpy as np
 import pytest
 from numpy.typing import NDArray
 
-from hmrf_icp import InputError, PinholeCamera, render, scenes, se3
+from hmrf_icp import InputError, PinholeCamera, se3
 from hmrf_icp.clouds.viewpoint import viewpoint_of
+from hmrf_icp.synthetic import render, scenes
 
 CAMERA = PinholeCamera(width=120, height=90, fx=110.0, fy=110.0, cx=59.5, cy=44.5)
 

@@ -85,7 +85,7 @@ class RecoveredCamera:
 
     @property
     def projection(self) -> Array:
-        """(17,) the same as :class:`hmrf_icp.clouds.range_image.RangeImage` has it, for points in the cloud's frame."""
+        """(17,) as a range image has it, for points in the cloud's frame."""
         camera, rotation = self.camera, self.pose[:3, :3].T
         numbers = [0.0, camera.fx, camera.fy, camera.cx, camera.cy]
         return np.concatenate([numbers, self.viewpoint, rotation.ravel()])

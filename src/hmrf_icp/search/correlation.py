@@ -86,13 +86,16 @@ class Correlator:
 
         self._grid = np.zeros((8, cells, cells, cells), dtype=np.float32)
         self._lay(np.eye(3), self._prepared(target, self._onto))
+        sharp = self._grid[0].copy()
         # A surface as wide as the cells, wherever between their centres it stands.
         for channel in self._grid[:7]:
             gaussian_filter(channel, 1.0, mode="wrap", output=channel)
         dense = self._grid[0]
         typical = float(np.median(dense[dense > 0.3 * dense.max()]))
         self._grid[1:7] *= np.minimum(1.0 / typical, 1.0 / np.maximum(dense, 0.5 * typical))
-        np.minimum(dense / typical, 1.0, out=dense)
+        # What stands in empty space is told by the points as they are: a wide surface would
+        # reach into the space before it, and be pushed back.
+        np.minimum(sharp, np.median(sharp[sharp > 0.3 * sharp.max()]), out=dense)
         surface = float(dense.sum())
         # Points of the source count as shares of all; and so do cells of the target's surface.
         self._fixed = self._spectrum()
