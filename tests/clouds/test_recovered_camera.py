@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import numpy as np
 import pytest
-from hmrf_icp.kernels.view import project
+from hmrf_icp.kernels.range_image import project
 from numpy.typing import NDArray
 
 from hmrf_icp import PinholeCamera, se3
