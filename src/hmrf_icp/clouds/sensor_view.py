@@ -98,4 +98,4 @@ def find_view(cloud: PointCloud, surface: Surface, origin: Array) -> Seen:
 
 
 def _text(place: Array) -> str:
-    return "(" + ", ".join(f"{x:.4g}" for x in place) + ")"
+    return "(" + ", ".join(f"{x:.4g}" for x in place + 0.0) + ")"
