@@ -28,7 +28,9 @@ from hmrf_icp.loop.degeneracy import NOISE_ALONE
 from hmrf_icp.loop.icp import Iteration, Loop, LoopResult, Method
 from hmrf_icp.loop.match import Matches
 from hmrf_icp.loop.placed import Placed
+from hmrf_icp.loop.polish import polish
 from hmrf_icp.loop.reject import Labels, Rejector
+from hmrf_icp.loop.surface_metrics import SurfaceMetric
 from hmrf_icp.search.candidates import Annealer, Level, distinct, near, shifted, turned
 from hmrf_icp.search.confidence import confidence, log_odds
 from hmrf_icp.search.start_prior import FALL, FALL_UNSEEN, StartPrior
@@ -114,6 +116,7 @@ class CoarseToFine:
         # Without free space to contradict them, more candidates are only more mistakes.
         if end.visibility.views and end.confidence < CONVINCED:
             end = search.among(search.shifts)
+        end = search.polished(end)
         return SearchResult(end.loop, end.visibility, end.confidence, self)
 
     def with_parts(
@@ -276,6 +279,16 @@ class Search:
         """Run Algorithm 1 to the end from a pose that an earlier end led to."""
         before = len(end.loop.history)
         return self._judged(after(end.loop, self._fine(pose, self._on_iteration, after=before)))
+
+    def polished(self, end: Judged) -> Judged:
+        """Take the last steps, where the loop has arrived and the metric looks at surfaces."""
+        metric = self._plan.method.align
+        if not end.loop.converged or not isinstance(metric, SurfaceMetric):
+            return end
+        loop = polish(end.loop, self._source, self._target, metric, self._on_iteration)
+        polished = self._judged(loop)
+        worse = polished.log_posterior < end.log_posterior - RETURN_MARGIN
+        return end if worse else polished
 
     def _judged(self, loop: LoopResult) -> Judged:
         pose = loop.transformation
