@@ -55,9 +55,8 @@ PRUNE_MARGIN = 4.0
 """A candidate whose log posterior odds are this far below the best so far is not tried."""
 
 RETURN_MARGIN = 1.0
-"""Log-odds that a pose may lose by going back to the start along a free direction.
-
-That it agrees with a little more somewhere else along a wall is no evidence.
+"""Log-odds that a pose may lose by going back to the start along a free direction, and by going
+through Algorithm 1: that it agrees with a few points more somewhere else is no evidence.
 """
 
 SAME_ANGLE, SAME_SHIFT = 0.03, 0.02
@@ -116,7 +115,7 @@ class CoarseToFine:
         # Without free space to contradict them, more candidates are only more mistakes.
         if end.visibility.views and end.confidence < CONVINCED:
             end = search.among(search.shifts)
-        end = search.polished(end)
+        end = search.polished(search.no_worse(end))
         return SearchResult(end.loop, end.visibility, end.confidence, self)
 
     def with_parts(
@@ -242,7 +241,9 @@ class Search:
         for pose, log_posterior in sorted(candidates, key=lambda one: -one.log_posterior):
             if log_posterior < best - PRUNE_MARGIN:
                 break
-            end = self._judged(self._rough(pose, self._on_iteration, SHORT))
+            end = self._judged(self._rough(pose, self._on_iteration, SHORT))._replace(
+                candidate=pose
+            )
             best = max(best, end.log_posterior)
             if not any(self._same(end, other) for other in (*self._ends, *ends)):
                 ends.append(end)
@@ -278,7 +279,19 @@ class Search:
     def _continued(self, end: Judged, pose: Array) -> Judged:
         """Run Algorithm 1 to the end from a pose that an earlier end led to."""
         before = len(end.loop.history)
-        return self._judged(after(end.loop, self._fine(pose, self._on_iteration, after=before)))
+        fine = self._fine(pose, self._on_iteration, after=before)
+        return self._judged(after(end.loop, fine))._replace(candidate=end.candidate)
+
+    def no_worse(self, end: Judged) -> Judged:
+        """Return the candidate that an end came from where that was likelier than the end is."""
+        pose = end.candidate
+        if pose is None:
+            return end
+        least = end.log_posterior + RETURN_MARGIN
+        if log_odds(self._test_late(pose)) + self._prior(pose) <= least:
+            return end  # Whatever the surfaces say of it, which can only be against it.
+        there = self._judged(self._fine.at(pose))
+        return there if there.log_posterior > least else end
 
     def polished(self, end: Judged) -> Judged:
         """Take the last steps, where the loop has arrived and the metric looks at surfaces."""
@@ -303,11 +316,15 @@ class Candidate(NamedTuple):
 
 
 class Judged(NamedTuple):
-    """Where a loop ended, what both sensors say of it, and what the start said before."""
+    """Where a loop ended, what both sensors say of it, and what the start said before.
+
+    ``candidate`` (4, 4) is the pose that the first loop began at.
+    """
 
     loop: LoopResult
     visibility: Visibility
     prior: float
+    candidate: Array | None = None
 
     @property
     def confidence(self) -> float:
