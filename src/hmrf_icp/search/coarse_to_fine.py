@@ -28,7 +28,9 @@ from hmrf_icp.loop.degeneracy import NOISE_ALONE
 from hmrf_icp.loop.icp import Iteration, Loop, LoopResult, Method
 from hmrf_icp.loop.match import Matches
 from hmrf_icp.loop.placed import Placed
+from hmrf_icp.loop.polish import polish
 from hmrf_icp.loop.reject import Labels, Rejector
+from hmrf_icp.loop.surface_metrics import SurfaceMetric
 from hmrf_icp.search.candidates import Annealer, Level, distinct, near, shifted, turned
 from hmrf_icp.search.confidence import confidence, log_odds
 from hmrf_icp.search.everywhere import everywhere
@@ -54,9 +56,8 @@ PRUNE_MARGIN = 4.0
 """A candidate whose log posterior odds are this far below the best so far is not tried."""
 
 RETURN_MARGIN = 1.0
-"""Log-odds that a pose may lose by going back to the start along a free direction.
-
-That it agrees with a little more somewhere else along a wall is no evidence.
+"""Log-odds that a pose may lose by going back to the start along a free direction, and by going
+through Algorithm 1: that it agrees with a few points more somewhere else is no evidence.
 """
 
 SAME_ANGLE, SAME_SHIFT = 0.03, 0.02
@@ -121,6 +122,7 @@ class CoarseToFine:
             if end.confidence >= CONVINCED:
                 break
             end = search.among(*more)
+        end = search.polished(search.no_worse(end))
         return SearchResult(end.loop, end.visibility, end.confidence, self)
 
     def viewed(self, cloud: PreparedCloud) -> PreparedCloud:
@@ -261,7 +263,9 @@ class Search:
         for pose, log_posterior in sorted(candidates, key=lambda one: -one.log_posterior):
             if log_posterior < best - PRUNE_MARGIN:
                 break
-            end = self._judged(self._rough(pose, self._on_iteration, SHORT))
+            end = self._judged(self._rough(pose, self._on_iteration, SHORT))._replace(
+                candidate=pose
+            )
             best = max(best, end.log_posterior)
             if not any(self._same(end, other) for other in (*self._ends, *ends)):
                 ends.append(end)
@@ -297,7 +301,29 @@ class Search:
     def _continued(self, end: Judged, pose: Array) -> Judged:
         """Run Algorithm 1 to the end from a pose that an earlier end led to."""
         before = len(end.loop.history)
-        return self._judged(after(end.loop, self._fine(pose, self._on_iteration, after=before)))
+        fine = self._fine(pose, self._on_iteration, after=before)
+        return self._judged(after(end.loop, fine))._replace(candidate=end.candidate)
+
+    def no_worse(self, end: Judged) -> Judged:
+        """Return the candidate that an end came from where that was likelier than the end is."""
+        pose = end.candidate
+        if pose is None:
+            return end
+        least = end.log_posterior + RETURN_MARGIN
+        if log_odds(self._test_late(pose)) + self._prior(pose) <= least:
+            return end  # Whatever the surfaces say of it, which can only be against it.
+        there = self._judged(self._fine.at(pose))
+        return there if there.log_posterior > least else end
+
+    def polished(self, end: Judged) -> Judged:
+        """Take the last steps, where the loop has arrived and the metric looks at surfaces."""
+        metric = self._plan.method.align
+        if not end.loop.converged or not isinstance(metric, SurfaceMetric):
+            return end
+        loop = polish(end.loop, self._source, self._target, metric, self._on_iteration)
+        polished = self._judged(loop)
+        worse = polished.log_posterior < end.log_posterior - RETURN_MARGIN
+        return end if worse else polished
 
     def _judged(self, loop: LoopResult) -> Judged:
         pose = loop.transformation
@@ -312,11 +338,15 @@ class Candidate(NamedTuple):
 
 
 class Judged(NamedTuple):
-    """Where a loop ended, what both sensors say of it, and what the start said before."""
+    """Where a loop ended, what both sensors say of it, and what the start said before.
+
+    ``candidate`` (4, 4) is the pose that the first loop began at.
+    """
 
     loop: LoopResult
     visibility: Visibility
     prior: float
+    candidate: Array | None = None
 
     @property
     def confidence(self) -> float:
