@@ -31,6 +31,7 @@ class Registrar(Protocol):
         source: PreparedCloud,
         target: PreparedCloud,
         init: NDArray[np.float64],
+        near: bool = True,
         on_iteration: Callable[[Iteration], None] | None = None,
     ) -> LoopResult | SearchResult:
         """Register from ``init`` (4, 4)."""

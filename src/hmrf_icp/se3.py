@@ -61,8 +61,9 @@ def as_rigid(matrix: ArrayLike | None, name: str = "init") -> Array:
             "transpose the matrix if it was written for row vectors"
         )
     rotation = pose[:3, :3]
-    off = float(np.abs(rotation.T @ rotation - np.eye(3)).max())
-    if off > RIGID_TOLERANCE:
+    with np.errstate(over="ignore", invalid="ignore"):
+        off = float(np.abs(rotation.T @ rotation - np.eye(3)).max())
+    if not off <= RIGID_TOLERANCE:
         raise InputError(
             f"{name}: the upper left 3 x 3 block is not a rotation (R^T R is off the identity by "
             f"{off:.3g}, three decimals by {RIGID_TOLERANCE:g} at most); a registration is rigid: "
@@ -186,6 +187,12 @@ def rotation_about(axis: ArrayLike, angle: float, centre: ArrayLike) -> Array:
     rotation = rotation_exp(angle * axis / np.linalg.norm(axis))
     centre = np.asarray(centre, dtype=np.float64)
     return rigid(rotation, centre - rotation @ centre)
+
+
+def about(twist: ArrayLike, centre: ArrayLike) -> Array:
+    """Motion (4, 4) of a twist about the point ``centre`` (3,) instead of about the origin."""
+    there = rigid(np.eye(3), centre)
+    return np.asarray(there @ exp(twist) @ inverse(there))
 
 
 def error(estimate: Array, truth: Array) -> tuple[float, float]:

@@ -66,7 +66,8 @@ def clouds(tmp_path):
 def test_two_depth_maps(command, pair):
     status, out, err = command("register", *pair, *INTRINSICS)
     assert status == 0
-    assert "source.png to target.png: converged after" in out
+    assert "source.png to target.png: to be believed, confidence 0.9" in out
+    assert "converged after" in out
     assert "overlap" in out
     assert "transformation, source to target:" in out
     assert err == ""
@@ -81,6 +82,10 @@ def test_json_is_one_strict_object_and_nothing_else(command, clouds):
     assert status == 0
     assert {
         "transformation",
+        "believed",
+        "confidence",
+        "visibility",
+        "viewpoint_known",
         "converged",
         "iterations",
         "em_iterations",
@@ -90,6 +95,8 @@ def test_json_is_one_strict_object_and_nothing_else(command, clouds):
     } <= content.keys()
     assert out.count("\n") == 1
     assert content["converged"] is True
+    assert content["believed"] is True
+    assert content["visibility"].keys() > {"agree", "front", "views"}
     assert np.shape(content["transformation"]) == (4, 4)
     assert 0 <= content["overlap"] <= 1
     assert content["preset"] == presets.DEFAULT
@@ -161,33 +168,66 @@ def test_camera_from_a_file_and_scale_and_max_depth(command, pair, tmp_path):
     assert np.nanmax(np.load(aligned)[..., 2]) < 0.81
 
 
-def test_not_converged_is_status_1_with_the_result_printed_and_written(
-    command, pair, tmp_path, monkeypatch
-):
+@pytest.fixture
+def one_iteration(monkeypatch):
+    """Let every registration stop after one iteration, not converged."""
     register = hmrf_icp.register
 
-    def one_iteration(source, target, init, preset, **options):
+    def stopped(source, target, init, preset, **options):
         criteria = hmrf_icp.Criteria(translation=0.0, rotation=0.0, max_iterations=1)
         return register(source, target, init, preset=preset, criteria=criteria, **options)
 
-    monkeypatch.setattr(hmrf_icp, "register", one_iteration)
-    aligned = tmp_path / "aligned.ply"
-    status, out, err = command("register", *pair, *INTRINSICS, "--json", "--output", aligned)
+    monkeypatch.setattr(hmrf_icp, "register", stopped)
+
+
+def test_not_converged_is_status_1_where_there_is_no_confidence(
+    command, pair, tmp_path, one_iteration
+):
+    options = (*INTRINSICS, "--preset", "paper", "--json", "--output", tmp_path / "aligned.ply")
+    status, out, err = command("register", *pair, *options)
     assert status == 1
-    assert json.loads(out)["converged"] is False
-    assert "did NOT converge" in err
-    assert aligned.exists()
+    content = json.loads(out)
+    assert (content["converged"], content["believed"]) == (False, False)
+    assert (content["confidence"], content["visibility"]) == (None, None)
+    assert "did not converge (this method gives no confidence)" in err
+    assert "more iterations" in err
+    assert (tmp_path / "aligned.ply").exists()
+
+
+def test_a_pose_that_convinces_is_believed_whether_or_not_the_loop_converged(
+    command, pair, one_iteration
+):
+    status, out, err = command("register", *pair, *INTRINSICS, "--json")
+    assert status == 0
+    content = json.loads(out)
+    assert (content["converged"], content["believed"]) == (False, True)
+    assert "did NOT converge after" in err
+
+
+def test_a_pose_that_does_not_convince_is_status_1_and_says_what_to_try(command, tmp_path):
+    rng = np.random.default_rng(0)
+    for name in ("a.ply", "b.ply"):
+        write_cloud(tmp_path / name, PointCloud(rng.normal(size=(2000, 3))))
+    status, out, err = command("register", tmp_path / "a.ply", tmp_path / "b.ply", "--json")
+    content = json.loads(out)
+    assert status == 1
+    assert content["believed"] is False
+    assert content["confidence"] < 0.5
+    assert content["viewpoint_known"] == {"source": False, "target": False}
+    assert "NOT convincing, confidence 0." in err
+    assert "say where the sensor of source and target stood" in err
 
 
 def test_a_number_that_is_none_is_null_in_json(command, pair, monkeypatch):
     from dataclasses import replace
 
     register = hmrf_icp.register
+    nowhere = np.full(3, np.nan)
     monkeypatch.setattr(
-        hmrf_icp, "register", lambda *a, **k: replace(register(*a, **k), inlier_rmse=float("nan"))
+        hmrf_icp, "register", lambda *a, **k: replace(register(*a, **k), centre=nowhere)
     )
     _, out, _ = command("register", *pair, *INTRINSICS, "--json")
-    assert json.loads(out)["inlier_rmse"] is None
+    assert json.loads(out)["centre"] == [None] * 3
 
 
 def test_a_mix_up_of_units_is_one_line_of_warning(command, clouds, tmp_path):

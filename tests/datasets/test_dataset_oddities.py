@@ -14,6 +14,7 @@ from hmrf_icp.datasets import open_sequence, redwood, tum
 from hmrf_icp.datasets.archives import Archive, fetch
 from hmrf_icp.datasets.clouds import CloudFile
 from hmrf_icp.datasets.download import DownloadError
+from hmrf_icp.datasets.poses import read_poses
 from hmrf_icp.io import write_cloud
 
 MATRIX = "1 0 0 0\n0 1 0 0\n0 0 1 0\n0 0 0 1\n"
@@ -24,6 +25,13 @@ def test_a_log_whose_numbers_are_none(tmp_path, head):
     (tmp_path / "trajectory.log").write_text(f"{head}\n{MATRIX}", encoding="utf-8")
     with pytest.raises(InputError, match="line 1: expected three integers"):
         redwood._read_log(tmp_path / "trajectory.log", [tmp_path])
+
+
+@pytest.mark.parametrize("word", ["1e308", "-1e200", "inf", "nan"])
+def test_numbers_that_are_as_good_as_infinite(tmp_path, word):
+    (tmp_path / "poses.txt").write_text(f"0 0 0 1 {word} 0 0\n")
+    with pytest.raises(InputError, match=r"poses\.txt, line 1: .* all finite"):
+        read_poses(tmp_path / "poses.txt")
 
 
 def test_a_list_that_names_what_no_file_can_be_called(tmp_path):

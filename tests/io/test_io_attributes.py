@@ -11,9 +11,9 @@ from hypothesis import strategies as st
 
 from hmrf_icp import InputError, PinholeCamera, PointCloud, se3
 from hmrf_icp.clouds.cloud import as_cloud
+from hmrf_icp.clouds.moved import moved
 from hmrf_icp.io import read_cloud, write_cloud
 from hmrf_icp.io.cloud import dropped
-from hmrf_icp.moved import moved
 
 RNG = np.random.default_rng(11)
 POINTS = RNG.normal(size=(30, 3))

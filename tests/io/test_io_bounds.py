@@ -5,12 +5,13 @@ from __future__ import annotations
 import json
 import os
 import struct
+import warnings
 import zipfile
 
 import numpy as np
 import pytest
 
-from hmrf_icp import InputError
+from hmrf_icp import InputError, PinholeCamera, PointCloud
 from hmrf_icp.io import read_cloud, read_depth, read_intrinsics, read_pose, write_pose
 from hmrf_icp.io.whole import require_writable
 
@@ -130,6 +131,51 @@ def test_a_pgm_is_what_its_header_says_or_refused(tmp_path, content, says):
     (tmp_path / "d.pgm").write_bytes(content)
     with pytest.raises(InputError, match=rf"d\.pgm: .*{says}"):
         read_depth(tmp_path / "d.pgm")
+
+
+def test_a_focal_length_next_to_nothing_leaves_no_point_and_no_warning():
+    camera = PinholeCamera(width=3, height=2, fx=1e-320, fy=1e-320, cx=0.5, cy=0.5)
+    with warnings.catch_warnings():
+        warnings.simplefilter("error")
+        cloud = PointCloud.from_depth(np.ones((2, 3)), camera)
+    assert not cloud.observed.any()
+
+
+def tiff(values, photometric=1):
+    """A TIFF of one strip, with no more in its header than there must be."""
+    height, width = values.shape
+    data, bits = values.tobytes(), 8 * values.dtype.itemsize
+    tags = {256: width, 257: height, 258: bits, 259: 1, 262: photometric, 273: 0, 277: 1}
+    tags |= {278: height, 279: len(data)}
+    start = 14 + 12 * len(tags)
+    entries = (struct.pack("<HHII", tag, 4, 1, v) for tag, v in (tags | {273: start}).items())
+    return struct.pack("<2sHIH", b"II", 42, 8, len(tags)) + b"".join(entries) + bytes(4) + data
+
+
+def test_a_tiff_that_promises_more_rows_than_it_has_strips_for_is_refused(tmp_path):
+    whole = tiff(np.full((4, 3), 1000, "<u2"))
+    for rows, says in (
+        (9, "9 pixels promised, strips of 12 found"),
+        (2 * 10**7, "would become 120,000,000"),
+    ):
+        taller = whole.replace(
+            struct.pack("<HHII", 257, 4, 1, 4), struct.pack("<HHII", 257, 4, 1, rows)
+        )
+        (tmp_path / "d.tif").write_bytes(taller)
+        with pytest.raises(InputError, match=rf"d\.tif: .*{says}"):
+            read_depth(tmp_path / "d.tif")
+
+
+def test_a_tiff_of_32_bits_keeps_its_largest_distances(tmp_path):
+    depth = np.array([[1000, 2**31], [3, 2**32 - 1]], "<u4")
+    (tmp_path / "d.tif").write_bytes(tiff(depth))
+    np.testing.assert_array_equal(read_depth(tmp_path / "d.tif"), depth)
+
+
+def test_a_tiff_whose_zero_is_white_is_refused(tmp_path):
+    (tmp_path / "d.tif").write_bytes(tiff(np.array([[1000, 2000]], "<u2"), photometric=0))
+    with pytest.raises(InputError, match="upside down"):
+        read_depth(tmp_path / "d.tif")
 
 
 def test_a_line_end_behind_the_last_sample_is_none(tmp_path):

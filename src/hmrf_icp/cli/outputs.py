@@ -55,10 +55,10 @@ class Outputs:
         self, source: PointCloud, target: PointCloud, result: RegistrationResult
     ) -> list[Path]:
         """Write them all; none of them moves to its place before every one is complete."""
+        from hmrf_icp.clouds.moved import moved
         from hmrf_icp.io import write_cloud, write_pose
         from hmrf_icp.io.cloud import dropped
         from hmrf_icp.io.whole import written_whole
-        from hmrf_icp.moved import moved
 
         with ExitStack() as outputs:
             if self.cloud is not None:

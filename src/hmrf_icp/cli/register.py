@@ -19,7 +19,7 @@ if TYPE_CHECKING:
     from hmrf_icp.io import Intrinsics
     from hmrf_icp.result import RegistrationResult
 
-NOT_CONVERGED = 1
+NOT_BELIEVED = 1
 
 _DEPTH = "Depth maps"
 _CLOUDS = "Clouds"
@@ -154,12 +154,13 @@ def register(
 
     Example: hmrf-icp register a.png b.png --intrinsics 585,585,320,240
 
-    Exit status: 0 registered; 1 did not converge (the result is printed
-    and written all the same); 2 bad input (nothing is written).
+    Exit status: 0 the pose is to be believed (confidence of 0.5 or more; converged,
+    where the preset gives no confidence); 1 it is not (the result is printed and
+    written all the same, and says what to try); 2 bad input (nothing is written).
     """
     import hmrf_icp
     from hmrf_icp.cli.outputs import Outputs, note
-    from hmrf_icp.cli.progress import most_iterations, registration_bar
+    from hmrf_icp.cli.progress import most_iterations, registration_bar, told_of_compiling
     from hmrf_icp.cli.summary import json_text, summary
     from hmrf_icp.io import read_pose
 
@@ -193,7 +194,8 @@ def register(
                     note("both files come with a camera: --viewpoint has no effect")
                 moving, staying = _seen_from(stood, moving), _seen_from(stood, staying)
             bar.stage("Registering", total=most_iterations(method))
-            with _arguments_named({"source": source, "target": target, "init": init}):
+            named_arguments = _arguments_named({"source": source, "target": target, "init": init})
+            with named_arguments, told_of_compiling(bar):
                 result = hmrf_icp.register(
                     moving,
                     staying,
@@ -211,7 +213,7 @@ def register(
             if as_json:
                 typer.echo(json_text(result, named))
             typer.echo(summary(result, source.name, target.name, written), err=as_json)
-    raise typer.Exit(0 if result.converged else NOT_CONVERGED)
+    raise typer.Exit(0 if result.believed else NOT_BELIEVED)
 
 
 def _require_positive(option: str, value: float | None, unit: str) -> None:

@@ -96,10 +96,12 @@ class PinholeCamera:
                 f"has {' x '.join(str(n) for n in depth.shape[::-1])}"
             )
         points = np.empty((self.height, self.width, 3))
-        points[..., 0] = (np.arange(self.width) - self.cx) / self.fx
-        points[..., 1] = ((np.arange(self.height) - self.cy) / self.fy)[:, None]
-        points[..., 2] = 1.0
-        points *= depth[..., None]
+        # A focal length next to nothing puts points at infinity, where they are unobserved.
+        with np.errstate(over="ignore", invalid="ignore"):
+            points[..., 0] = (np.arange(self.width) - self.cx) / self.fx
+            points[..., 1] = ((np.arange(self.height) - self.cy) / self.fy)[:, None]
+            points[..., 2] = 1.0
+            points *= depth[..., None]
         return points
 
     def project(

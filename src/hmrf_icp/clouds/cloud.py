@@ -14,8 +14,8 @@ from numpy.typing import ArrayLike, NDArray
 from hmrf_icp.clouds.camera import PinholeCamera
 from hmrf_icp.clouds.conversion import as_camera, depth_map, parts_of
 from hmrf_icp.clouds.nothing import MIXED, nothing
+from hmrf_icp.clouds.per_point import Attributes, normals_for
 from hmrf_icp.errors import InputError
-from hmrf_icp.per_point import Attributes, normals_for
 
 MINIMUM_POINTS = 10
 """Fewer observed points than this are refused: six unknowns and some evidence against chance."""
@@ -170,7 +170,8 @@ class PointCloud:
             )
         if max_depth is not None and not max_depth > 0:
             raise InputError(f"max_depth: expected a positive number of metres, got {max_depth:g}")
-        metres = raw.astype(np.float64)
+        with np.errstate(invalid="ignore"):
+            metres = raw.astype(np.float64)
         unobserved = ~(np.isfinite(metres) & (metres > 0))
         if raw.dtype == np.uint16:
             unobserved |= raw == SATURATED

@@ -9,8 +9,8 @@ import numpy as np
 from numpy.typing import NDArray
 
 from hmrf_icp.clouds.camera import PinholeCamera
+from hmrf_icp.clouds.per_point import beside_points
 from hmrf_icp.errors import InputError
-from hmrf_icp.per_point import beside_points
 
 COORDINATES = (("x", "y", "z"), ("X", "Y", "Z"), ("f0", "f1", "f2"))
 """Names of the coordinates in structured arrays; the last are those of librealsense."""
@@ -155,7 +155,8 @@ def _filled(array: NDArray[Any]) -> NDArray[np.float64]:
     if array.dtype.kind not in "iufO":
         raise InputError(f"{ADVICE}; got {_what(array)}")
     try:
-        copy = np.array(np.ma.getdata(array), dtype=np.float64, order="C")
+        with np.errstate(invalid="ignore", over="ignore"):  # NaN that signals, or too large
+            copy = np.array(np.ma.getdata(array), dtype=np.float64, order="C")
     except (TypeError, ValueError) as error:
         raise InputError(f"{ADVICE}; got {_what(array)} ({error})") from None
     if isinstance(array, np.ma.MaskedArray):

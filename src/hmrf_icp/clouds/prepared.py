@@ -7,13 +7,14 @@ cloud serves as the target of many sources, or the source of many starts.
 from __future__ import annotations
 
 from collections.abc import Callable, Hashable
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 from functools import cached_property
 from typing import Any, TypeVar, cast
 
 import numpy as np
 from numpy.typing import NDArray
 
+from hmrf_icp.clouds.assumed_viewpoint import POINTS, assumed_viewpoint
 from hmrf_icp.clouds.closest_table import ClosestTable
 from hmrf_icp.clouds.cloud import PointCloud, PointCloudLike, as_cloud, require_registrable, some_of
 from hmrf_icp.clouds.downsample import downsample
@@ -46,6 +47,8 @@ class PreparedCloud:
     origin
         (3,) where the origin of this cloud stands in the frame that it was given in, metres:
         other than zero where the coordinates were far from zero.
+    assumed
+        Whether the viewpoint is a guess: which side of the surfaces was seen is not known then.
 
     Examples
     --------
@@ -58,6 +61,7 @@ class PreparedCloud:
 
     cloud: PointCloud
     origin: Array = field(default_factory=lambda: np.zeros(3))
+    assumed: bool = False
     _derived: dict[Hashable, Any] = field(
         default_factory=dict, init=False, repr=False, compare=False
     )
@@ -79,7 +83,8 @@ class PreparedCloud:
     def __eq__(self, other: object) -> bool:
         if not isinstance(other, PreparedCloud):
             return NotImplemented
-        return self.cloud == other.cloud and np.array_equal(self.origin, other.origin)
+        mine, theirs = ((one.cloud, one.assumed) for one in (self, other))
+        return mine == theirs and np.array_equal(self.origin, other.origin)
 
     def __hash__(self) -> int:
         return hash((self.cloud, (self.origin + 0.0).tobytes()))
@@ -100,12 +105,23 @@ class PreparedCloud:
     @cached_property
     def surface(self) -> Surface:
         """Normals, noise and areas of the observed points."""
-        return surface(self.cloud, lambda: self.tree)
+        fitted = surface(self.cloud, lambda: self.tree)
+        return replace(fitted, oriented=False) if self.assumed else fitted
 
     @cached_property
     def range_image(self) -> RangeImage | None:
         """What the sensor saw from its viewpoint, None where that is not known."""
         return range_image(self.cloud, self.surface) if self.cloud.viewpoint is not None else None
+
+    @cached_property
+    def viewed(self) -> PreparedCloud:
+        """The cloud from its viewpoint or, where that is not known, from the likeliest place."""
+        if self.cloud.viewpoint is not None:
+            return self
+        place, _ = assumed_viewpoint(self.downsampled(POINTS).surface, -self.origin)
+        at_origin = np.array_equal(place, -self.origin)
+        seen = PointCloud(self.cloud.points, None, place)
+        return PreparedCloud(seen, self.origin, assumed=not at_origin)
 
     @cached_property
     def neighbour_distance(self) -> float:
@@ -141,7 +157,7 @@ class PreparedCloud:
     def _fewer(self, most: int) -> tuple[PreparedCloud, NDArray[np.intp]]:
         def build() -> tuple[PreparedCloud, NDArray[np.intp]]:
             few, representative = downsample(self.cloud, most)
-            return PreparedCloud(few), representative
+            return PreparedCloud(few, self.origin, self.assumed), representative
 
         return self._once(("downsampled", most), build)
 
@@ -157,9 +173,9 @@ class PreparedCloud:
             self._derived[key] = build()
         return cast(T, self._derived[key])
 
-    def __reduce__(self) -> tuple[type[PreparedCloud], tuple[PointCloud, Array]]:
+    def __reduce__(self) -> tuple[type[PreparedCloud], tuple[PointCloud, Array, bool]]:
         """Pickle and copy the cloud alone: what was derived is worked out again."""
-        return PreparedCloud, (self.cloud, self.origin)
+        return PreparedCloud, (self.cloud, self.origin, self.assumed)
 
 
 def prepare(cloud: PreparedCloud | PointCloudLike, name: str = "cloud") -> PreparedCloud:

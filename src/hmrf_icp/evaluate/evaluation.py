@@ -6,7 +6,7 @@ import contextlib
 import csv
 import itertools
 import os
-from collections.abc import Callable, Iterator, Mapping, Sequence
+from collections.abc import Callable, Collection, Iterator, Mapping, Sequence
 from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
@@ -17,6 +17,7 @@ from hmrf_icp.evaluate import configuration as config
 from hmrf_icp.evaluate import methods, peers, protocol, work
 from hmrf_icp.evaluate.configuration import Configuration
 from hmrf_icp.evaluate.methods import NamedMethod
+from hmrf_icp.evaluate.plain import require_name
 from hmrf_icp.evaluate.plan import Plan
 from hmrf_icp.evaluate.progress import IN_BYTES, REGISTERING, Progress, silent
 from hmrf_icp.evaluate.protocol import Pair
@@ -119,6 +120,7 @@ def evaluate(
             found = _find_pairs(complete, sequence, clouds, team, report)
             _write_pairs(folder / PAIRS, found)
         pairs = _read_pairs(folder / PAIRS)
+        _require_frames(folder / PAIRS, pairs, {frame.index for frame in sequence.frames})
         notes = [*sequence.notes, *alternatives.skipped, *_gaps(pairs, targets)]
         for note in notes:
             if on_note is not None:
@@ -132,6 +134,8 @@ def evaluate(
         config.write(folder / CONFIG, complete, {"notes": notes, **(about or {})})
         plan = Plan(pairs, complete.starts, complete.axes, tuple(m.name for m in everyone))
         with Results(folder / RESULTS, plan) as results:
+            if on_note is not None and results.unreadable:
+                on_note(_taken_out(folder / RESULTS, results.unreadable))
             _run(complete, sequence, clouds, plan, results, tuple(extra_methods), team, report)
             results.sort()
     return Evaluation(folder, len(plan), tuple(notes))
@@ -229,6 +233,8 @@ def _targets(sequence: datasets.Sequence, wanted: tuple[int, ...] | None) -> tup
 
 
 def _require_different(names: Sequence[str]) -> None:
+    for name in names:
+        require_name(name)
     if not names:
         raise InputError("methods: none chosen, and no peer that is installed")
     twice = sorted({name for name in names if names.count(name) > 1})
@@ -292,16 +298,42 @@ def _write_pairs(path: Path, pairs: Sequence[Pair]) -> None:
 
 
 def _read_pairs(path: Path) -> tuple[Pair, ...]:
+    """Read what `_write_pairs` wrote, and refuse what nothing could be registered by."""
+    pairs: list[Pair] = []
     try:
         with path.open(encoding="utf-8", newline="") as stream:
-            return tuple(
-                Pair(int(row["target"]), int(row["source"]), float(row["overlap"]))
-                for row in csv.DictReader(stream)
-            )
-    except (KeyError, TypeError, ValueError) as error:
+            for row in csv.DictReader(stream, strict=True):
+                pair = Pair(int(row["target"]), int(row["source"]), float(row["overlap"]))
+                if not 0.0 < pair.overlap <= 1.0:
+                    raise ValueError(f"an overlap of {row['overlap']}, expected above 0, up to 1")
+                pairs.append(pair)
+        if len({pair.name for pair in pairs}) < len(pairs):
+            raise ValueError("a pair is there twice")
+    except (KeyError, TypeError, ValueError, csv.Error) as error:
         raise InputError(
             f"{path}: not a list of pairs ({error}); begin anew with --fresh"
         ) from None
+    return tuple(pairs)
+
+
+def _require_frames(path: Path, pairs: Sequence[Pair], frames: Collection[int]) -> None:
+    """Refuse pairs of frames that the recording has not got."""
+    for pair in pairs:
+        if pair.target not in frames or pair.source not in frames:
+            raise InputError(
+                f"{path}: the pair {pair.name} is not one of the recording's frames; begin anew "
+                "with --fresh"
+            )
+
+
+def _taken_out(path: Path, lines: Sequence[tuple[int, str]]) -> str:
+    """Say which rows could not be read."""
+    place, text = lines[0]
+    more = f" and {len(lines) - 1} more lines" if len(lines) > 1 else ""
+    return (
+        f"{path}, line {place}: cannot be read: {text!r}{more}; taken out, and what is missing "
+        "is done again"
+    )
 
 
 def _gaps(pairs: Sequence[Pair], targets: Sequence[int]) -> Iterator[str]:

@@ -14,7 +14,7 @@ from hmrf_icp.clouds.camera import PinholeCamera
 from hmrf_icp.clouds.cloud import PointCloud
 from hmrf_icp.errors import InputError
 from hmrf_icp.io.columns import Columns
-from hmrf_icp.io.files import reading, require_bounded
+from hmrf_icp.io.files import quietly, reading, require_bounded
 
 _OWN = ("points", "camera", "viewpoint", "normals")
 """Arrays of an archive that are not attributes."""
@@ -33,7 +33,7 @@ def read_npy(path: Path) -> NDArray[Any]:
     InputError
         Not an NPY file, cut short, or an array of something else.
     """
-    with reading(path, "an NPY array"), path.open("rb") as stream:
+    with reading(path, "an NPY array"), quietly(), path.open("rb") as stream:
         if stream.read(2) == _ZIP_START:
             raise InputError(f"{path}: an NPZ archive by the name of an NPY array")
         stream.seek(0)
@@ -63,7 +63,7 @@ def read_npz(path: Path) -> PointCloud:
         with path.open("rb") as stream:
             if stream.read(6) == np.lib.format.MAGIC_PREFIX:
                 raise InputError(f"{path}: an NPY array by the name of an NPZ archive")
-        with zipfile.ZipFile(path) as archive:
+        with quietly(), zipfile.ZipFile(path) as archive:
             members = {info.filename.removesuffix(".npy"): info for info in archive.infolist()}
             named = [name for name in ("points", "positions") if name in members]
             if not named and len(members) != 1:
@@ -171,9 +171,14 @@ def _check_header(
     Its shape and type.
     """
     version = np.lib.format.read_magic(stream)
+    start = stream.tell()
     if version == (1, 0):
         shape, _, kind = np.lib.format.read_array_header_1_0(stream)
     else:
+        length = int.from_bytes(stream.read(4), "little")
+        if length > size:
+            raise InputError(f"{path}: cut short: a header of {length:,} bytes promised")
+        stream.seek(start)
         shape, _, kind = np.lib.format.read_array_header_2_0(stream)
     promised = math.prod(shape) * kind.itemsize
     if min(shape, default=0) < 0:

@@ -83,7 +83,8 @@ def write_pcd(path: Path, cloud: PointCloud) -> None:
     for name, values in others.items():
         flat = values.reshape(len(points), *values.shape[len(cloud.shape) :])
         of_normals = name in PCD_NORMALS and cloud.normals is not None
-        columns[name] = flat.astype(np.float32) if of_normals else storable(flat)
+        with np.errstate(over="ignore", invalid="ignore"):
+            columns[name] = flat.astype(np.float32) if of_normals else storable(flat)
     kinds = [
         (name, values.dtype.newbyteorder("<"), values.shape[1:]) for name, values in columns.items()
     ]

@@ -135,9 +135,10 @@ def _on_range_grid(
         )
     seen = cells.lengths > 0
     first = (np.cumsum(cells.lengths) - cells.lengths)[seen]
-    indices = cells.values[first].astype(np.int64)
-    if indices.size and (indices.min() < 0 or indices.max() >= len(points)):
+    listed = cells.values[first]
+    if not ((listed >= 0) & (listed < len(points))).all():  # nor is NaN, if they are such numbers
         raise InputError(f"{path}: the PLY range grid lists vertices that are not in the file")
+    indices = listed.astype(np.int64)
 
     def laid(values: NDArray[Any]) -> NDArray[Any]:
         fill = np.nan if values.dtype.kind == "f" else 0

@@ -45,8 +45,9 @@ class Step:
         (k, 6) unit twists that the matches leave free and ``motion`` has nothing of:
         1 rad about an axis, or 1 m along one. None where nobody looked.
     weakest
-        How many times what it must have, to be followed, is known of the direction known
-        least; below 1 it is one of ``degenerate``. None where nobody looked.
+        Smallest eigenvalue of the information over what noise alone would give, as a
+        multiple of the least that is followed: below 1 that direction is one of
+        ``degenerate``. None where nobody looked.
     """
 
     motion: Array

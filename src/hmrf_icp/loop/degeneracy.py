@@ -29,6 +29,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from hmrf_icp import se3
+from hmrf_icp.frozen import same
 
 Array = NDArray[np.float64]
 
@@ -67,8 +68,9 @@ Its axis, if it has one, is five sizes of the scene away.
 class Split(NamedTuple):
     """Motions (6, k) that the matches leave free, and those (6, 6 - k) that they determine.
 
-    Together the columns are an orthonormal basis. ``weakest`` is how many times the
-    information that it must have the least known direction has; below 1 it is free.
+    Together the columns are an orthonormal basis. ``weakest`` is the
+    smallest eigenvalue of the information relative to the least that is followed; below 1
+    that direction is free.
     """
 
     free: Array
@@ -122,8 +124,12 @@ def unit_twists(free: Array, length: float, centre: Array) -> Array:
         turns = np.linalg.norm(twist[:3]) >= TRANSLATION
         twist[:3] /= length
         twist /= np.linalg.norm(twist[:3] if turns else twist[3:])
-        twist[3:] -= np.cross(twist[:3], centre)
-    return np.asarray(twists)
+    return np.array([about_another(twist, centre) for twist in twists]).reshape(-1, 6)
+
+
+def about_another(twist: Array, origin: Array) -> Array:
+    """Express a twist (6,) about a point ``origin`` (3,) as one about the origin itself."""
+    return np.concatenate([twist[:3], twist[3:] - np.cross(twist[:3], origin)])
 
 
 @dataclass(frozen=True, eq=False)
@@ -139,6 +145,12 @@ class FreeMotion:
     """
 
     twist: Array
+
+    def __eq__(self, other: object) -> bool:
+        return same(self, other) if isinstance(other, FreeMotion) else NotImplemented
+
+    def __hash__(self) -> int:
+        return hash(tuple(self.twist.tolist()))
 
     @property
     def rotation(self) -> bool:

@@ -11,6 +11,7 @@ from numpy.typing import NDArray
 from hmrf_icp import se3
 from hmrf_icp.clouds.prepared import PreparedCloud
 from hmrf_icp.errors import InputError
+from hmrf_icp.frozen import FrozenDict
 from hmrf_icp.loop.align import Align, Aligner, Step
 from hmrf_icp.loop.criteria import Criteria, StoppingRule, at_most
 from hmrf_icp.loop.match import Match, Matcher, Matches, checked
@@ -34,6 +35,7 @@ class Method:
         source: PreparedCloud,
         target: PreparedCloud,
         init: Array,
+        near: bool = True,
         on_iteration: Callable[[Iteration], None] | None = None,
     ) -> LoopResult:
         """Run Algorithm 1 with these parts."""
@@ -81,6 +83,11 @@ class Iteration:
     step_rotation: float
     inlier_rmse: float
     parameters: Mapping[str, float]
+
+    def __post_init__(self) -> None:
+        """Take any mapping of parameters, and keep one that pickles."""
+        if not isinstance(self.parameters, FrozenDict):
+            object.__setattr__(self, "parameters", FrozenDict(self.parameters))
 
 
 @dataclass(frozen=True, eq=False)
@@ -130,10 +137,12 @@ class Loop:
         init: Array,
         on_iteration: Callable[[Iteration], None] | None = None,
         most: int | None = None,
+        after: int = 0,
     ) -> LoopResult:
         """Run from ``init`` (4, 4), for at most ``most`` iterations if that is fewer.
 
-        ``on_iteration`` is called after every iteration, for progress.
+        ``on_iteration`` is called after every iteration, for progress; ``after`` so many,
+        that another loop did, they are numbered.
 
         Raises
         ------
@@ -164,7 +173,7 @@ class Loop:
             source = source.moved(step.motion)
             history.append(
                 Iteration(
-                    iteration=len(history) + 1,
+                    iteration=after + len(history) + 1,
                     em_iterations=em_before + labels.em_iterations,
                     inlier_share=float(labels.inlier.mean()),
                     step_translation=se3.translation_norm(step.motion),

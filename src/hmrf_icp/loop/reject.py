@@ -8,7 +8,6 @@ from __future__ import annotations
 
 from collections.abc import Mapping
 from dataclasses import dataclass, field
-from types import MappingProxyType
 from typing import Protocol
 
 import numpy as np
@@ -16,6 +15,7 @@ from numpy.typing import NDArray
 
 from hmrf_icp.clouds.prepared import PreparedCloud
 from hmrf_icp.clouds.tree import Tree
+from hmrf_icp.frozen import FrozenDict
 from hmrf_icp.loop.match import Matches
 
 Array = NDArray[np.float64]
@@ -36,11 +36,19 @@ class Labels:
         EM steps that this decision took; 0 for a rule without a model.
     parameters
         What the decision learnt: means and deviations, or a threshold (metres).
+    em_converged
+        Whether EM settled before it ran out of steps; True of a rule without a model.
     """
 
     z: Array
     em_iterations: int = 0
-    parameters: Mapping[str, float] = field(default_factory=lambda: MappingProxyType({}))
+    parameters: Mapping[str, float] = field(default_factory=lambda: FrozenDict({}))
+    em_converged: bool = True
+
+    def __post_init__(self) -> None:
+        """Take any mapping of parameters, and keep one that pickles."""
+        if not isinstance(self.parameters, FrozenDict):
+            object.__setattr__(self, "parameters", FrozenDict(self.parameters))
 
     @property
     def inlier(self) -> NDArray[np.bool_]:
@@ -70,7 +78,7 @@ class Rejector(Protocol):
 def keep_below(distance: Array, threshold: float) -> Labels:
     """Label as inliers the points whose distance is at most ``threshold`` metres."""
     z = np.where(distance <= threshold, 1.0, -1.0)
-    return Labels(z, parameters=MappingProxyType({"threshold": float(threshold)}))
+    return Labels(z, parameters=FrozenDict({"threshold": float(threshold)}))
 
 
 @dataclass(frozen=True)

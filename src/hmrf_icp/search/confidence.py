@@ -3,7 +3,7 @@
 A logistic regression on what both sensors saw and on how well the matched surfaces
 hold the pose in the direction in which they hold it least, fitted to poses, right and
 wrong ones, of rendered depth maps (a kitchen, a tabletop, rooms furnished at random) and
-of a real structured-light camera; what it is worth on others is in ``docs/confidence.md``.
+of a real structured-light camera; its calibration on others is in ``docs/confidence.md``.
 """
 
 from __future__ import annotations
@@ -46,7 +46,7 @@ def confidence(visibility: Visibility, weakest: float | None = None) -> float:
 
 
 def log_odds(visibility: Visibility, weakest: float | None = None) -> float:
-    """Evidence for the pose, to choose among several; see :func:`confidence` for what it is worth.
+    """Evidence for the pose, to choose among several; :func:`confidence` is its probability.
 
     How far views agree tells two poses apart along which surfaces slide alike.
     """

@@ -68,7 +68,9 @@ class Visibility:
 class Asked(Protocol):
     """Anything that can be asked what it knows of points moved into its frame."""
 
-    def ask(self, points: Array, normals: Array, pose: Array) -> NDArray[np.uint8]:
+    def ask(
+        self, points: Array, normals: Array, pose: Array, signed: bool = True
+    ) -> NDArray[np.uint8]:
         """Return a code (M,) of :mod:`hmrf_icp.kernels.range_image` for each point (M, 3)."""
 
 
@@ -80,7 +82,13 @@ class NearSurface:
         self._tree = cloud.tree
         self._band = BAND * surface.noise + np.sqrt(surface.area)
 
-    def ask(self, points: Array, normals: Array, pose: Array) -> NDArray[np.uint8]:
+    def ask(
+        self,
+        points: Array,
+        normals: Array,
+        pose: Array,
+        signed: bool = True,  # noqa: ARG002
+    ) -> NDArray[np.uint8]:
         """Ask who is within the noise and the spacing of the closest point, and faces its way."""
         from hmrf_icp.kernels.range_image import AGREE, FACING, OTHER, OUTSIDE
 
@@ -109,6 +117,7 @@ class VisibilityTest:
     def __init__(self, source: PreparedCloud, target: PreparedCloud, count: int) -> None:
         self._of_source = Sample.of(source.surface, count)
         self._of_target = Sample.of(target.surface, count)
+        self._signed = source.surface.oriented and target.surface.oriented
         self._by_source: Asked | None = source.range_image
         self._by_target: Asked | None = target.range_image
         self.views = self._by_source is not None or self._by_target is not None
@@ -123,7 +132,7 @@ class VisibilityTest:
             (self._of_target, self._by_source, se3.inverse(pose)),
         ):
             if view is not None:
-                seen = view.ask(sample.points, sample.normals, motion)
+                seen = view.ask(sample.points, sample.normals, motion, self._signed)
                 counts += np.bincount(seen, minlength=5)
         agree, front, behind, outside, other = (int(n) for n in counts)
         return Visibility(agree, front, behind, outside, other, self.views)

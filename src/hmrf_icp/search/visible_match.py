@@ -2,14 +2,18 @@
 
 from __future__ import annotations
 
+from collections.abc import Callable
 from dataclasses import dataclass, field, replace
 
 import numpy as np
+from numpy.typing import NDArray
 
 from hmrf_icp.clouds.prepared import PreparedCloud
 from hmrf_icp.clouds.range_image import BAND
 from hmrf_icp.loop.match import Match, Matcher, Matches, NearestNeighbour
 from hmrf_icp.loop.placed import Placed
+
+Array = NDArray[np.float64]
 
 
 @dataclass(frozen=True)
@@ -42,15 +46,29 @@ class VisibleMatch:
     def prepare(self, source: PreparedCloud, target: PreparedCloud) -> Match:
         """Look up what the target's sensor saw."""
         match = self.match.prepare(source, target)
-        view = target.range_image
-        if view is None:
+        evidence = self.evidence(source, target)
+        if evidence is None:
             return match
-        view = view.wider((self.band - BAND) * target.surface.noise)
-        surface = source.surface
-        log_odds = np.array(self.log_odds)
 
         def match_visible(source: Placed) -> Matches:
-            seen = view.ask(surface.points, surface.normals, source.transformation)
-            return replace(match(source), label_log_odds=log_odds[seen])
+            return replace(match(source), label_log_odds=evidence(source))
 
         return match_visible
+
+    def evidence(
+        self, source: PreparedCloud, target: PreparedCloud
+    ) -> Callable[[Placed], Array] | None:
+        """Return what tells the log-odds (M,) of every label, None where no view is known."""
+        view = target.range_image
+        if view is None:
+            return None
+        view = view.wider((self.band - BAND) * target.surface.noise)
+        surface = source.surface
+        signed = surface.oriented and target.surface.oriented
+        log_odds = np.array(self.log_odds)
+
+        def ask(source: Placed) -> Array:
+            seen = view.ask(surface.points, surface.normals, source.transformation, signed)
+            return np.asarray(log_odds[seen])
+
+        return ask

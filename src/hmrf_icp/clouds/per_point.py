@@ -86,7 +86,8 @@ def normals_for(points: NDArray[np.float64], normals: ArrayLike) -> NDArray[np.f
     array = one_a_point(normals, points.shape[:-1], "normals")
     if array.shape != points.shape:
         raise InputError(f"normals: expected shape {points.shape}, got {array.shape}")
-    array = array.astype(np.float64)
+    with np.errstate(invalid="ignore", over="ignore"):  # a NaN that signals is as good as any
+        array = array.astype(np.float64)
     array.flags.writeable = False
     return array
 
