@@ -18,7 +18,7 @@ pytestmark = pytest.mark.skipif(
 
 FLOORS = (
     ("errors", "kernels"),
-    ("se3",),
+    ("se3", "threads"),
     ("clouds",),
     ("io", "synthetic"),
     ("loop",),

@@ -120,7 +120,7 @@ class PreparedCloud:
             return self
         place, _ = assumed_viewpoint(self.downsampled(POINTS).surface, -self.origin)
         at_origin = np.array_equal(place, -self.origin)
-        seen = PointCloud(self.cloud.points, None, place)
+        seen = self.cloud.derived(self.cloud.points, np.array(place))
         return PreparedCloud(seen, self.origin, assumed=not at_origin)
 
     @cached_property
@@ -213,5 +213,4 @@ def prepare(cloud: PreparedCloud | PointCloudLike, name: str = "cloud") -> Prepa
     # Whole units keep the digits that coordinates of few decimals have.
     origin = np.round(centre)
     viewpoint = None if given.viewpoint is None else given.viewpoint - origin
-    moved = PointCloud(given.points - origin, None, viewpoint, notes=given.notes)
-    return PreparedCloud(moved, origin)
+    return PreparedCloud(given.derived(given.points - origin, viewpoint), origin)
