@@ -26,6 +26,8 @@ def everywhere(source: PreparedCloud, target: PreparedCloud) -> Iterator[Array]:
     from hmrf_icp.search.plane_hypotheses import plane_hypotheses, sampled
 
     mine, theirs = source.surface, target.surface
+    if not (mine.normals.any() and theirs.normals.any()):
+        return
     sides = mine.points, mine.normals, theirs.points, theirs.normals
     yield hypotheses(*sides, True, MOST).poses
     first, second = (

@@ -130,4 +130,4 @@ def spread(points: Array) -> tuple[Array, float]:
 def placed(poses: Array, points: Array) -> Array:
     """Coordinates (K, 3 N) of the points (N, 3) at each of the poses (K, 4, 4)."""
     moved = np.einsum("kij,nj->kni", poses[:, :3, :3], points) + poses[:, None, :3, 3]
-    return np.asarray(moved.reshape(len(poses), -1))
+    return np.asarray(moved.reshape(len(poses), 3 * len(points)))
