@@ -13,15 +13,15 @@ import argparse
 import time
 
 import numpy as np
-from hmrf_icp.cloud import PointCloud
-from hmrf_icp.confidence import log_odds
-from hmrf_icp.evidence import Judge
-from hmrf_icp.surface import surface_of
 
 import hypothesis_pairs
 from hmrf_icp import se3
+from hmrf_icp.clouds.cloud import PointCloud
+from hmrf_icp.clouds.prepared import PreparedCloud
 from hmrf_icp.search import features
 from hmrf_icp.search import hypotheses as search
+from hmrf_icp.search.confidence import log_odds
+from hmrf_icp.search.visibility import VisibilityTest
 
 FIRST = (1, 5, 10, 20, 50)
 
@@ -56,7 +56,7 @@ def seen_from(cloud, pair, bare):
 def ours(pair, bare, count):
     """Hypotheses with their seconds by stage, and their order by score, by view, by both."""
     source, target = (seen_from(cloud, pair, bare) for cloud in (pair.source, pair.target))
-    mine, theirs = surface_of(source), surface_of(target)
+    mine, theirs = PreparedCloud(source).surface, PreparedCloud(target).surface
     oriented = mine.oriented and theirs.oriented
     watch = [time.process_time()]
     levels = []
@@ -70,7 +70,7 @@ def ours(pair, bare, count):
     seconds = np.diff(watch)
     orders = {"score": np.arange(len(found.poses))}
     if oriented:
-        judge = Judge(source, target, 1000)
+        judge = VisibilityTest(PreparedCloud(source), PreparedCloud(target), 1000)
         seen = np.array([log_odds(judge(pose)) for pose in found.poses])
         orders["view"] = np.argsort(-seen, kind="stable")
         orders["both"] = np.argsort(-(seen + found.scores), kind="stable")

@@ -8,9 +8,9 @@ from functools import cache, cached_property
 from pathlib import Path
 
 import numpy as np
-from hmrf_icp.cloud import PointCloud
 
 from hmrf_icp import datasets, io, se3
+from hmrf_icp.clouds.cloud import PointCloud
 
 DATA = Path(__file__).resolve().parents[2] / "shared" / "data"
 

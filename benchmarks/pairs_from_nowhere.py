@@ -8,9 +8,9 @@ from dataclasses import dataclass
 from pathlib import Path
 
 import numpy as np
-from hmrf_icp.resolution import reduced
 
 from hmrf_icp import PinholeCamera, PointCloud, datasets, io, se3
+from hmrf_icp.clouds.downsample import downsample
 from hmrf_icp.evaluate import protocol
 
 DATA = Path(__file__).resolve().parents[2] / "shared" / "data"
@@ -105,7 +105,7 @@ def fragments(name: str, targets: tuple, each: int, _bare: bool) -> Iterator[Pai
     """Fused fragments in frames of their own, overlaps from 0.1 up."""
     count = len(list((DATA / name).glob("*.ply")))
     stems = [DATA / name / f"fragment-{i:02d}" for i in range(count)]
-    clouds = [reduced(PointCloud(io.read_cloud(f"{s}.ply").points), MOST) for s in stems]
+    clouds = [downsample(PointCloud(io.read_cloud(f"{s}.ply").points), MOST).cloud for s in stems]
     pose = [np.loadtxt(f"{s}.pose.txt") for s in stems]
     for target in targets:
         there = []
@@ -143,13 +143,13 @@ def matches(name: str, scenes: tuple, each: int, bare: bool) -> Iterator[Pair]:
         step = max(1, len(counted) // each)
         for key in counted[step // 2 :: step][:each]:
             target, source = (
-                reduced(
+                downsample(
                     PointCloud(
                         io.read_cloud(folder / f"cloud_bin_{i}.ply").points,
                         viewpoint=None if bare else np.zeros(3),
                     ),
                     MOST,
-                )
+                ).cloud
                 for i in key
             )
             share = shares.get(key, np.nan)
@@ -171,7 +171,7 @@ def real(name: str, _chosen: tuple, each: int, bare: bool) -> Iterator[Pair]:
                 )
             else:
                 cloud = PointCloud(points, None, None if bare else meta["viewpoint"])
-            clouds.append(reduced(cloud, MOST))
+            clouds.append(downsample(cloud, MOST).cloud)
         truth = se3.as_rigid(np.loadtxt(folder / "gt.txt"))
         share = protocol.overlap(clouds[0], clouds[1], truth)
         yield Pair(folder.name, clouds[0], clouds[1], truth, share)

@@ -9,17 +9,16 @@ import argparse
 import time
 
 import numpy as np
-from hmrf_icp.confidence import log_odds
-from hmrf_icp.evidence import Near, Verdict, Witness
 from hmrf_icp.kernels.view import AGREE, FRONT
-from hmrf_icp.starts import Annealer, Level, distinct
-from hmrf_icp.surface import surface_of
-from hmrf_icp.view import view_of
 
 import pairs_from_nowhere as data
 from hmrf_icp import PointCloud, se3
+from hmrf_icp.clouds.prepared import PreparedCloud
+from hmrf_icp.search.candidates import Annealer, Level, distinct
+from hmrf_icp.search.confidence import log_odds
 from hmrf_icp.search.plane_hypotheses import plane_hypotheses, sampled
 from hmrf_icp.search.surprise import surprise
+from hmrf_icp.search.visibility import NearSurface, Sample, Visibility
 
 MOST = 100
 RANKS = (1, 5, 10, 20, 50, 100)
@@ -35,21 +34,23 @@ class Clock:
         self.last = time.thread_time()
 
     def __call__(self):
+        """Return the seconds since the last call."""
         before, self.last = self.last, time.thread_time()
         return self.last - before
 
 
 def verdicts(source: PointCloud, target: PointCloud, poses: np.ndarray) -> np.ndarray:
-    """What either cloud's view says of the other's points: (K, M)."""
+    """Ask either cloud's view about the other's points under each pose: (K, M)."""
     sides = []
-    seen = view_of(source) is not None or view_of(target) is not None
+    one, other = PreparedCloud(source), PreparedCloud(target)
+    seen = one.range_image is not None or other.range_image is not None
     for free, fixed, motions in (
-        (source, target, poses),
-        (target, source, np.array([se3.inverse(pose) for pose in poses])),
+        (one, other, poses),
+        (other, one, np.array([se3.inverse(pose) for pose in poses])),
     ):
-        view = view_of(fixed) if seen else Near(fixed)
+        view = fixed.range_image if seen else NearSurface(fixed)
         if view is not None:
-            asked = Witness.of(surface_of(free), ASKED)
+            asked = Sample.of(free.surface, ASKED)
             sides.append([view.ask(asked.points, asked.normals, pose) for pose in motions])
     return np.concatenate([np.array(side) for side in sides], axis=1)
 
@@ -62,7 +63,7 @@ def first(right: np.ndarray) -> float:
 def measure(pair: data.Pair):
     """Ranks of the first right pose by each order, and seconds by stage."""
     clock = Clock()
-    surfaces = [surface_of(cloud) for cloud in (pair.source, pair.target)]
+    surfaces = [PreparedCloud(cloud).surface for cloud in (pair.source, pair.target)]
     seconds = [clock()]
     samples = [
         sampled(s.points, s.normals, s.area, s.oriented, cloud.viewpoint)
@@ -80,7 +81,7 @@ def measure(pair: data.Pair):
     agree, front = said == AGREE, said == FRONT
     seen = pair.source.viewpoint is not None or pair.target.viewpoint is not None
     odds = [
-        log_odds(Verdict(*(int(n) for n in np.bincount(row, minlength=5)), seen)) for row in said
+        log_odds(Visibility(*(int(n) for n in np.bincount(row, minlength=5)), seen)) for row in said
     ]
     seldom = surprise(agree, front)
     seconds.append(clock())

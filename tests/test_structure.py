@@ -17,7 +17,7 @@ pytestmark = pytest.mark.skipif(
 )
 
 FLOORS = (
-    ("errors", "kernels"),
+    ("errors", "frozen", "kernels"),
     ("se3", "threads"),
     ("clouds",),
     ("io", "synthetic"),

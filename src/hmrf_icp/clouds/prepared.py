@@ -6,6 +6,7 @@ cloud serves as the target of many sources, or the source of many starts.
 
 from __future__ import annotations
 
+import math
 from collections.abc import Callable, Hashable
 from dataclasses import dataclass, field, replace
 from functools import cached_property
@@ -31,6 +32,9 @@ FAR = 10.0
 
 Map coordinates of millions of metres leave few digits for what a registration turns on.
 """
+
+AROUND, GAP = 20, math.radians(110.0)
+"""Neighbours of a point, and the angle that they leave free from which it is at a border."""
 
 SPACING_SAMPLE = 10_000
 """Points whose nearest neighbour is looked for to tell how far apart a cloud's points are."""
@@ -107,6 +111,18 @@ class PreparedCloud:
         """Normals, noise and areas of the observed points."""
         fitted = surface(self.cloud, lambda: self.tree)
         return replace(fitted, oriented=False) if self.assumed else fitted
+
+    @cached_property
+    def border(self) -> NDArray[np.bool_]:
+        """(M,) Which observed points are at the border of their surface."""
+        from hmrf_icp.kernels.border import find_border
+
+        count = min(AROUND + 1, len(self))
+        _, index = self.tree.query(self.points, k=count)
+        border = np.empty(len(self), dtype=np.bool_)
+        neighbours = np.ascontiguousarray(index[:, 1:], dtype=np.int64)
+        find_border(self.points, self.surface.normals, neighbours, GAP, border)
+        return border
 
     @cached_property
     def range_image(self) -> RangeImage | None:

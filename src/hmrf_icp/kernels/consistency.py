@@ -9,6 +9,12 @@ import numpy as np
 
 from hmrf_icp.kernels.compiled import ANY_ORDER, njit
 
+ASKED = 256
+"""Neighbours of a match that are asked what they have in common with it.
+
+Between bare planes everything fits everything, and the work would grow with the cube.
+"""
+
 
 @njit(nogil=True, error_model="numpy")
 def ones(word: Any) -> Any:
@@ -118,21 +124,20 @@ def listed(bits: Any, found: Any) -> int:
 
 @njit(nogil=True, error_model="numpy")
 def support(bits: Any) -> Any:
-    """Second-order support (N,): for each match the triangles it is a corner of, twice."""
+    """Second-order support (N,): for each match the triangles it is a corner of, twice.
+
+    Of more than ``ASKED`` neighbours only as many are asked, evenly.
+    """
     n, words = bits.shape
     out = np.zeros(n)
     found = np.empty(64 * words, np.int64)
     for i in range(n):
         count = listed(bits[i], found)
-        for m in range(count):
+        step = 1 + count // ASKED
+        for m in range(0, count, step):
             j = found[m]
-            if j > i:
-                break
-            common = 0
             for w in range(words):
-                common += ones(bits[i, w] & bits[j, w])
-            out[i] += common
-            out[j] += common
+                out[i] += step * ones(bits[i, w] & bits[j, w])
     return out
 
 
@@ -162,7 +167,7 @@ def groups(bits: Any, seeds: Any, limit: int, often: int, most: int) -> Any:
             if count == 0:
                 break
             best, chosen = -1, -1
-            for m in range(count):
+            for m in range(0, count, 1 + count // ASKED):
                 j = found[m]
                 shared = 0
                 for w in range(words):

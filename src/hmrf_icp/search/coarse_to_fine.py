@@ -174,10 +174,9 @@ class SearchResult:
         source, target = self.plan.viewed(source), self.plan.viewed(target)
         method, rows = self.plan.method, source.representatives(self.plan.points)
         if isinstance(method.match, VisibleMatch):
-            evidence = method.match.evidence(source, target)
-            if evidence is not None:
-                placed = Placed.at(self.loop.transformation, source.points)
-                matches = replace(matches, label_log_odds=evidence(placed))
+            placed = Placed.at(self.loop.transformation, source.points)
+            evidence = method.match.evidence(source, target)(placed, matches)
+            matches = replace(matches, label_log_odds=evidence)
         before = replace(self.loop.labels, z=self.loop.labels.z[rows])
         return method.reject.prepare(source, target)(matches, before)
 

@@ -86,10 +86,12 @@ def common_edge(source: Array, target: Array, places: int = PLACES) -> float:
     edge = float(max(np.ptp(source, axis=0).max(), np.ptp(target, axis=0).max())) / 64.0
     if not edge > 0.0:
         return 1.0
-    for _ in range(3):
-        # A surface has a quarter of the cells at twice the edge.
+    for step in range(12):
+        # A surface has a quarter of the cells at twice the edge; points far off take longer.
         count = 0.5 * sum(len(np.unique(cells_of(points, edge)[0])) for points in (source, target))
         edge *= float(np.sqrt(count / places))
+        if step >= 2 and 0.5 * places < count:
+            break
     return max(edge, FINEST * max(spacing(source), spacing(target)))
 
 

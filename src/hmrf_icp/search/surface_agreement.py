@@ -19,6 +19,9 @@ NEAR = 2.0
 MARGIN = 4
 """Cells of the table beyond the cloud on every side."""
 
+CELLS = 256
+"""Cells of the table along the cloud's longest side, at most."""
+
 SCALES, STEPS = (3.0, 2.0, 1.0), 3
 """Distances at which a match counts for less while a pose settles, in edges; steps at each."""
 
@@ -83,7 +86,8 @@ class Onto:
         self.all = side.points, side.normals
         self.few = side.points[::step].copy(), side.normals[::step].copy()
         low, high = side.points.min(axis=0), side.points.max(axis=0)
-        edge = side.edge
+        # A point far off must not make the table larger than memory.
+        edge = max(side.edge, float((high - low).max()) / CELLS)
         corner = low - (MARGIN + 0.5) * edge
         shape = np.floor((high - low) / edge + 2 * MARGIN + 1.5).astype(np.int64)
         cells = table.build(side.points, corner, edge, tuple(int(n) for n in shape))

@@ -1,9 +1,9 @@
 """Which of many poses explains what others do not.
 
-A plane laid on a plane agrees wherever it slides and however wrong the pose is, and the wrong poses of a
-list have found the largest planes to agree on. That a point agrees which hardly ever does
-tells more: each counts by the logarithm of how seldom it agreed among all poses, as words
-count by how few documents have them.
+A plane laid on a plane agrees wherever it slides, and the wrong poses of a list have found
+the largest planes to agree on. That a point agrees which hardly ever does tells more: each
+counts by the logarithm of how seldom it agreed among all poses, as words count by how few
+documents have them.
 """
 
 from __future__ import annotations

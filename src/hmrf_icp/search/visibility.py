@@ -15,6 +15,9 @@ from hmrf_icp.clouds.surface import Surface, evenly
 
 Array = NDArray[np.float64]
 
+OFF = 4.0
+"""Times what a point on a surface may be off it: farther away, a point is no evidence."""
+
 
 @dataclass(frozen=True, eq=False)
 class Sample:
@@ -48,8 +51,8 @@ class Visibility:
         At the depth of a surface that faces another way.
     views
         Whether a sensor's view was asked. Where no viewpoint is known, points
-        agree with the surface they are near, or are ``outside``: that tells how
-        much overlaps, and nothing of free space.
+        agree with the surface they are on, are in ``front`` where they are a little off it and
+        it goes on all round, and ``outside`` elsewhere.
     """
 
     agree: int
@@ -75,12 +78,26 @@ class Asked(Protocol):
 
 
 class NearSurface:
-    """A surface seen from nowhere in particular: points are near it, or outside."""
+    """A surface seen from nowhere in particular: points are on it, off it, or beyond it.
 
-    def __init__(self, cloud: PreparedCloud) -> None:
+    Nobody knows what was seen to be empty. But a surface that goes on all round a point was
+    sampled there, and what lies a little off it contradicts it as free space does: of two poses
+    the right one lays surface on surface, and the wrong one through it. What is near the border
+    of a surface, or far from any, is no evidence.
+
+    Parameters
+    ----------
+    cloud
+        The cloud.
+    band
+        Deviations of the noise by which a point on the surface may be off it, beside the spacing.
+    """
+
+    def __init__(self, cloud: PreparedCloud, band: float = BAND) -> None:
         self._surface = surface = cloud.surface
         self._tree = cloud.tree
-        self._band = BAND * surface.noise + np.sqrt(surface.area)
+        self._band = band * surface.noise + np.sqrt(surface.area)
+        self._border = cloud.border
 
     def ask(
         self,
@@ -89,13 +106,19 @@ class NearSurface:
         pose: Array,
         signed: bool = True,  # noqa: ARG002
     ) -> NDArray[np.uint8]:
-        """Ask who is within the noise and the spacing of the closest point, and faces its way."""
-        from hmrf_icp.kernels.range_image import AGREE, FACING, OTHER, OUTSIDE
-
+        """Ask who is on the surface, facing its way, and who is off it where it goes on."""
         distance, row = self._tree.query(se3.transform(pose, points))
-        cosine = np.abs(((normals @ pose[:3, :3].T) * self._surface.normals[row]).sum(axis=1))
-        seen = np.where(cosine > FACING, AGREE, OTHER)
-        return np.where(distance < self._band[row], seen, OUTSIDE).astype(np.uint8)
+        return self.tell(distance, row, normals @ pose[:3, :3].T)
+
+    def tell(self, distance: Array, row: NDArray[np.integer], normals: Array) -> NDArray[np.uint8]:
+        """Tell the same of points with normals (M, 3) at a distance (M,) from the closest row."""
+        from hmrf_icp.kernels.range_image import AGREE, FACING, FRONT, OTHER, OUTSIDE
+
+        cosine = np.abs((normals * self._surface.normals[row]).sum(axis=1))
+        on = np.where(cosine > FACING, AGREE, OTHER)
+        off = (distance < OFF * self._band[row]) & ~self._border[row]
+        seen = np.where(distance < self._band[row], on, np.where(off, FRONT, OUTSIDE))
+        return seen.astype(np.uint8)
 
 
 class VisibilityTest:

@@ -6,17 +6,18 @@ import functools
 
 import numpy as np
 import pytest
-from hmrf_icp.camera import PinholeCamera
-from hmrf_icp.cloud import PointCloud
-from hmrf_icp.surface import surface_of
 
-from hmrf_icp import render, scenes, se3
+from hmrf_icp import se3
+from hmrf_icp.clouds.camera import PinholeCamera
+from hmrf_icp.clouds.cloud import PointCloud
+from hmrf_icp.clouds.prepared import PreparedCloud
 from hmrf_icp.kernels import consistency
 from hmrf_icp.search.consistent_groups import Oriented, explained, motions
 from hmrf_icp.search.feature_matches import match, nearest
 from hmrf_icp.search.features import Grid, _histograms, thinned
 from hmrf_icp.search.hypotheses import Hypotheses, hypotheses, placed, spread
 from hmrf_icp.search.normal_signs import agreeing
+from hmrf_icp.synthetic import render, scenes
 
 FAR = se3.exp([2.0, -1.0, 0.5, 3.0, -2.0, 1.0])
 
@@ -26,7 +27,7 @@ def desk(frame):
     camera = PinholeCamera(width=160, height=120, fx=146, fy=146, cx=79.5, cy=59.5)
     pose = scenes.trajectory("desk", 60)[frame]
     depth = render.render(scenes.desk(), camera, pose)
-    return surface_of(PointCloud.from_depth(depth, camera, depth_scale=1.0)), pose
+    return PreparedCloud(PointCloud.from_depth(depth, camera, depth_scale=1.0)).surface, pose
 
 
 def found(scale=1.0, oriented=True, motion=FAR) -> tuple[Hypotheses, np.ndarray, float]:
