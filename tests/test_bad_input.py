@@ -52,7 +52,7 @@ def few(count):
         (np.zeros((4, 5)), r"expected shape \(N, 3\) or \(H, W, 3\), got \(4, 5\)"),
         (np.zeros((4, 5, 4)), r"got \(4, 5, 4\)"),
         (np.zeros(30), r"got \(30,\)"),
-        (5, r"got \(\)"),
+        (5, "got int"),
         ("cloud.ply", "no such file"),
         (None, "source|target"),
         ([[1, 2, 3], [4, 5]], "expected a PointCloud"),

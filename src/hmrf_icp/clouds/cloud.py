@@ -211,6 +211,24 @@ class PointCloud:
         laid[self.observed] = values
         return laid
 
+    def derived(
+        self, points: NDArray[np.float64], viewpoint: NDArray[np.float64] | None
+    ) -> PointCloud:
+        """Return a cloud of some or all of its points, moved or not, without what is beside them.
+
+        What stands for nothing was left out before: every point that is given stays one, also
+        at the viewpoint, which may be assumed.
+        """
+        cloud = object.__new__(PointCloud)
+        for array in (points, viewpoint):
+            if array is not None:
+                array.flags.writeable = False
+        values: dict[str, Any] = {"points": points, "viewpoint": viewpoint, "notes": self.notes}
+        values |= {"camera": None, "normals": None, "attributes": Attributes({}, points.shape[:-1])}
+        for name, value in values.items():
+            object.__setattr__(cloud, name, value)
+        return cloud
+
     def subsample(self, step: int) -> PointCloud:
         """Keep every ``step``-th row and column (organised) or every ``step``-th point."""
         if step < 1:

@@ -87,7 +87,7 @@ def _one_a_cell(cloud: PointCloud, most: int) -> Downsampled:
     owner = np.empty(len(points), np.int32)
     cells = Cells(points)
     rows = cells.first(_edge(cells, points, most), owner=owner)
-    few = PointCloud(points[rows], None, cloud.viewpoint, notes=cloud.notes)
+    few = cloud.derived(points[rows], cloud.viewpoint)
     return Downsampled(few, owner.astype(np.intp))
 
 

@@ -139,8 +139,10 @@ class PreparedCloud:
         if self.cloud.viewpoint is not None or not self.look:
             return self
         seen = find_view(self.cloud, self.downsampled(POINTS).surface, -self.origin)
-        place = None if seen.camera is not None else seen.place
-        cloud = replace(self.cloud, camera=seen.camera, viewpoint=place)
+        if seen.camera is not None:
+            cloud = PointCloud(self.cloud.points, seen.camera, notes=self.cloud.notes)
+        else:
+            cloud = self.cloud.derived(self.cloud.points, np.array(seen.place))
         return PreparedCloud(cloud, self.origin, seen.view)
 
     @property
@@ -254,5 +256,4 @@ def prepare(
     # Whole units keep the digits that coordinates of few decimals have.
     origin = np.round(centre)
     stood = None if given.viewpoint is None else given.viewpoint - origin
-    moved = PointCloud(given.points - origin, None, stood, notes=given.notes)
-    return PreparedCloud(moved, origin, look=look)
+    return PreparedCloud(given.derived(given.points - origin, stood), origin, look=look)

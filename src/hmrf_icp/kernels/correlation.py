@@ -79,14 +79,17 @@ def carve(points: Any, viewpoint: Any, corner: Any, edge: float, short: float, s
     """Mark in ``seen`` (A, B, C) the cells that the rays to the points (M, 3) pass through.
 
     Rays end ``short`` metres before their point. ``corner`` (3,) is that of the first cell.
+    The points are in the grid: however far off a ray began, it is in it for the last diagonal.
     """
     step = 0.7 * edge
+    diagonal = edge * math.sqrt(seen.shape[0] ** 2 + seen.shape[1] ** 2 + seen.shape[2] ** 2)
     for k in range(points.shape[0]):
         a = points[k, 0] - viewpoint[0]
         b = points[k, 1] - viewpoint[1]
         c = points[k, 2] - viewpoint[2]
         reach = math.sqrt(a * a + b * b + c * c)
-        for m in range(max(0, int((reach - short) / step))):
+        first = max(0, int((reach - short - diagonal) / step))
+        for m in range(first, max(0, int((reach - short) / step))):
             t = m * step / reach
             i = math.floor((viewpoint[0] + t * a - corner[0]) / edge)
             j = math.floor((viewpoint[1] + t * b - corner[1]) / edge)

@@ -31,6 +31,9 @@ OUTER = 98.0
 SHORT = 0.7
 """Cells that a ray ends before its point; the cells round all points are not empty either."""
 
+MOST_CELLS = 1e7
+"""Cells of the box in which empty ones are looked for: memory and time grow with them."""
+
 FLOOR = 0.01
 """Share of all points that is added to those that agree and to those that violate."""
 
@@ -172,6 +175,17 @@ def rarity(normals: Array, signed: bool) -> Array:
     return np.asarray(1.0 / (np.exp((between - 1.0) / WIDTH**2) @ count)[nearest])
 
 
+def within_reach(points: Array, edge: float) -> Array:
+    """Leave out the farthest points (M, 3) where the box round all has too many cells of ``edge``.
+
+    The edge is a share of the radius of nearly all points: one of them may be anywhere.
+    """
+    while np.prod(np.ptp(points, axis=0) / edge + 4.0) > MOST_CELLS:
+        reach = np.linalg.norm(points - np.median(points, axis=0), axis=1)
+        points = points[reach <= 0.5 * reach.max()]
+    return points
+
+
 def empty_cells(cloud: Sampled, edge: float) -> Array:
     """Centres (K, 3) of the cells of ``edge`` metres that were seen to be empty; none if unknown.
 
@@ -184,7 +198,7 @@ def empty_cells(cloud: Sampled, edge: float) -> Array:
 
     if cloud.viewpoint is None:
         return np.empty((0, 3))
-    points = cloud.seen
+    points = within_reach(cloud.seen, edge)
     corner = points.min(axis=0) - 2.0 * edge
     shape = np.ceil((points.max(axis=0) - corner) / edge).astype(np.int64) + 2
     seen = np.zeros(shape, dtype=np.bool_)

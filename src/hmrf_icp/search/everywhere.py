@@ -26,6 +26,8 @@ def everywhere(source: PreparedCloud, target: PreparedCloud) -> Iterator[Array]:
     from hmrf_icp.search.plane_hypotheses import plane_hypotheses, sampled
 
     mine, theirs = source.surface, target.surface
+    if not (mine.normals.any() and theirs.normals.any()):
+        return
     first, second = (
         sampled(one.points, one.normals, one.area, one.oriented, cloud.cloud.viewpoint)
         for cloud, one in ((source, mine), (target, theirs))

@@ -8,6 +8,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
+from hmrf_icp.clouds.tree import Tree
 from hmrf_icp.search.normal_signs import agreeing
 
 Array = NDArray[np.float64]
@@ -96,11 +97,9 @@ def common_edge(source: Array, target: Array, places: int = PLACES) -> float:
 
 def spacing(points: Array, sample: int = 1000) -> float:
     """Median distance of points (M, 3) to their nearest neighbour, of some of them, metres."""
-    from pykdtree.kdtree import KDTree
-
     some = points[:: max(1, len(points) // sample)]
-    distance, _ = KDTree(points).query(some, k=2)
-    return float(np.median(distance[:, 1]))
+    distance, _ = Tree(points).query(some, k=min(2, len(points)))
+    return float(np.median(distance.reshape(len(some), -1)[:, -1]))
 
 
 def cells_of(points: Array, edge: float) -> tuple[NDArray[np.int64], NDArray[np.int64], Array]:

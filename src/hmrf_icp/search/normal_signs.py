@@ -5,6 +5,8 @@ from __future__ import annotations
 import numpy as np
 from numpy.typing import NDArray
 
+from hmrf_icp.clouds.tree import Tree
+
 Array = NDArray[np.float64]
 
 NEIGHBOURS, REACH = 8, 2.5
@@ -27,14 +29,12 @@ def agreeing(points: Array, normals: Array, edge: float) -> Array:
     -------
     (M, 3)
     """
-    from pykdtree.kdtree import KDTree
-
     from hmrf_icp.kernels.orientation import propagate
 
     if len(points) < 2:
         return np.array(normals)
-    distance, index = KDTree(points).query(points, k=min(NEIGHBOURS + 1, len(points)))
-    index = np.where(distance > REACH * edge, -1, index.astype(np.int64))
+    distance, index = Tree(points).query(points, k=min(NEIGHBOURS + 1, len(points)))
+    index = np.where(distance > REACH * edge, -1, index)
     inward = points.mean(axis=0) - points
     facing = (inward * normals).sum(axis=1)
     signed = np.where(facing < 0.0, -1.0, 1.0)[:, None] * normals
