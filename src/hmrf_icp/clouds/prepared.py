@@ -131,7 +131,7 @@ class PreparedCloud:
     @cached_property
     def range_image(self) -> RangeImage | None:
         """What the sensor saw from its viewpoint, None where that is not known."""
-        return range_image(self.cloud, self.surface) if self.cloud.viewpoint is not None else None
+        return range_image(self.cloud, self.surface) if self.seen_from.known else None
 
     @cached_property
     def viewed(self) -> PreparedCloud:
