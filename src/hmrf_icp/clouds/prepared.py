@@ -6,6 +6,7 @@ cloud serves as the target of many sources, or the source of many starts.
 
 from __future__ import annotations
 
+import math
 from collections.abc import Callable, Hashable
 from dataclasses import dataclass, field
 from functools import cached_property
@@ -165,7 +166,8 @@ def prepare(cloud: PreparedCloud | PointCloudLike, name: str = "cloud") -> Prepa
     size = float(np.median(np.linalg.norm(some - centre, axis=1)))
     if given.camera is not None or np.linalg.norm(centre) <= FAR * size:
         return PreparedCloud(given)
-    # Whole units keep the digits that coordinates of few decimals have.
-    origin = np.round(centre)
+    # A round number keeps the digits that coordinates of few decimals have.
+    unit = 10.0 ** math.floor(math.log10(size)) if size > 0.0 else 1.0
+    origin = np.round(centre / unit) * unit
     viewpoint = None if given.viewpoint is None else given.viewpoint - origin
     return PreparedCloud(PointCloud(given.points - origin, None, viewpoint), origin)
