@@ -12,6 +12,7 @@ import pytest
 import hmrf_icp
 import synthetic
 from hmrf_icp import FreeMotion, PinholeCamera, PointCloud, RegistrationWarning, se3
+from hmrf_icp.clouds.sensor_view import SensorView
 from hmrf_icp.frozen import FrozenDict
 from hmrf_icp.loop.reject import Labels
 from hmrf_icp.synthetic import render, scenes
@@ -188,7 +189,7 @@ def test_what_is_not_believed_warns_and_says_what_to_try():
     assert not result.believed
     assert "NOT convincing" in str(result).splitlines()[0]
     assert "viewpoint" in result.advice
-    known = dataclasses.replace(result, viewpoints=result.viewpoints._replace(source=True))
+    known = dataclasses.replace(result, source_view=SensorView("given", ""))
     assert "of target stood" in known.advice
 
 

@@ -6,7 +6,7 @@ import os
 import time
 import warnings
 from collections.abc import Callable
-from typing import Literal, TypeAlias
+from typing import Literal, TypeAlias, get_args
 
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
@@ -14,6 +14,7 @@ from numpy.typing import ArrayLike, NDArray
 from hmrf_icp import presets, se3, threads
 from hmrf_icp.clouds.cloud import LARGEST_COORDINATE, PointCloudLike, some_of
 from hmrf_icp.clouds.prepared import PreparedCloud, prepare
+from hmrf_icp.clouds.sensor_view import SensorView
 from hmrf_icp.errors import InputError, RegistrationWarning, interruptible
 from hmrf_icp.loop.align import Aligner
 from hmrf_icp.loop.correspondences import Correspondences
@@ -23,8 +24,11 @@ from hmrf_icp.loop.icp import Iteration, LoopResult
 from hmrf_icp.loop.match import Matches
 from hmrf_icp.loop.reject import Labels, Rejector
 from hmrf_icp.presets import AlignerName, PresetName, Registrar, RejectorName
-from hmrf_icp.result import RegistrationResult, Viewpoints
+from hmrf_icp.result import RegistrationResult
 from hmrf_icp.search.coarse_to_fine import SearchResult
+
+Registrable: TypeAlias = PreparedCloud | PointCloudLike | str | os.PathLike[str]
+"""A cloud, anything that is taken for one, or the file that it is in."""
 
 Where: TypeAlias = Literal["auto", "near", "everywhere"]
 """Where the pose is looked for."""
@@ -34,14 +38,15 @@ UNIT_MIX_UP = 100.0
 
 
 def register(
-    source: PreparedCloud | PointCloudLike | str | os.PathLike[str],
-    target: PreparedCloud | PointCloudLike | str | os.PathLike[str],
+    source: Registrable,
+    target: Registrable,
     init: ArrayLike | None = None,
     *,
     preset: PresetName | Registrar = presets.DEFAULT,
     rejector: RejectorName | Rejector | None = None,
     aligner: AlignerName | Aligner | None = None,
     criteria: StoppingRule | None = None,
+    viewpoint: ArrayLike | Literal["auto"] | None = "auto",
     search: Where = "auto",
     num_threads: int | None = None,
     on_iteration: Callable[[Iteration], None] | None = None,
@@ -70,6 +75,12 @@ def register(
         aligner of your own, in place of the method's.
     criteria
         When to stop, in place of the method's.
+    viewpoint
+        (3,) where the sensor of both clouds stood, each in its own frame, metres, for those
+        that do not say so themselves. ``"auto"`` recovers it from the points, or the camera
+        from the grid, and assumes the likeliest place where that fails; None does without.
+        :attr:`RegistrationResult.source_view` says what was used. A cloud that was prepared
+        has been asked already.
     search
         ``"near"`` the start, the identity where none is given; ``"everywhere"``, with the
         start as one hypothesis among others; ``"auto"``, near a start that is given and
@@ -111,18 +122,23 @@ def register(
     """
     with threads.using(num_threads), interruptible():
         return _register(
-            source, target, init, preset, rejector, aligner, criteria, search, on_iteration, 3
+            source,
+            target,
+            init,
+            viewpoint,
+            presets.method(preset, rejector, aligner, criteria),
+            search,
+            on_iteration,
+            stacklevel=3,
         )
 
 
 def _register(
-    source: PreparedCloud | PointCloudLike | str | os.PathLike[str],
-    target: PreparedCloud | PointCloudLike | str | os.PathLike[str],
+    source: Registrable,
+    target: Registrable,
     init: ArrayLike | None,
-    preset: PresetName | Registrar,
-    rejector: RejectorName | Rejector | None,
-    aligner: AlignerName | Aligner | None,
-    criteria: StoppingRule | None,
+    viewpoint: ArrayLike | Literal["auto"] | None,
+    method: Registrar,
     search: Where,
     on_iteration: Callable[[Iteration], None] | None,
     stacklevel: int,
@@ -131,7 +147,7 @@ def _register(
 
     started = time.perf_counter()
     moving, fixed = (
-        prepare(_read(cloud, name), name)
+        prepare(_read(cloud, name), name, viewpoint)
         for cloud, name in ((source, "source"), (target, "target"))
     )
     start = se3.as_rigid(init, "init")
@@ -140,21 +156,14 @@ def _register(
         raise InputError(
             f"init: a translation of {far:.3g} m; expected at most {LARGEST_COORDINATE:g} m"
         )
+    if search not in get_args(Where):
+        raise InputError(
+            f"search: unknown {search!r}, expected one of {', '.join(get_args(Where))}"
+        )
     for name, cloud in (("source", moving), ("target", fixed)):
         for note in cloud.cloud.notes:
             warnings.warn(f"{name}: {note}", RegistrationWarning, stacklevel=stacklevel)
     warn_of_units(moving, fixed, stacklevel + 1)
-
-    chosen = presets.preset(preset) if isinstance(preset, str) else preset
-    if not isinstance(chosen, Registrar):
-        raise InputError(
-            f"preset: unknown {preset!r}, expected a method or one of {', '.join(presets.names())}"
-        )
-    method = chosen.with_parts(
-        reject=presets.rejector(rejector) if isinstance(rejector, str) else rejector,
-        align=presets.aligner(aligner) if isinstance(aligner, str) else aligner,
-        criteria=criteria,
-    )
     near = init is not None if search == "auto" else search == "near"
     begin = between_origins(start, moving, fixed)
     with Compilation() as compilation:
@@ -194,6 +203,9 @@ def described(
     searched = found if isinstance(found, SearchResult) else None
     loop = found.loop if isinstance(found, SearchResult) else found
 
+    def seen_from(cloud: PreparedCloud) -> SensorView:
+        return (cloud if searched is None else searched.plan.viewed(cloud)).seen_from
+
     def decide(matches: Matches) -> Labels:
         return loop.labels if searched is None else searched.labels(source, target, matches)
 
@@ -212,7 +224,8 @@ def described(
         degenerate=free_motions(loop, target),
         confidence=None if searched is None else searched.confidence,
         visibility=None if searched is None else searched.visibility,
-        viewpoints=Viewpoints(*(one.cloud.viewpoint is not None for one in (source, target))),
+        source_view=seen_from(source),
+        target_view=seen_from(target),
         correspondences=Correspondences(source, target, loop.transformation, decide),
     )
 
@@ -235,9 +248,7 @@ def between_frames(
     return moved
 
 
-def _read(
-    cloud: PreparedCloud | PointCloudLike | str | os.PathLike[str], name: str
-) -> PreparedCloud | PointCloudLike:
+def _read(cloud: Registrable, name: str) -> PreparedCloud | PointCloudLike:
     """Read a cloud that is given as a file."""
     if not isinstance(cloud, str | os.PathLike):
         return cloud

@@ -3,12 +3,12 @@
 from __future__ import annotations
 
 from dataclasses import dataclass, field
-from typing import NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
 
 from hmrf_icp import se3
+from hmrf_icp.clouds.sensor_view import SensorView
 from hmrf_icp.frozen import same
 from hmrf_icp.loop.correspondences import Correspondences
 from hmrf_icp.loop.degeneracy import FreeMotion
@@ -17,13 +17,6 @@ from hmrf_icp.search.visibility import Visibility
 
 BELIEVED = 0.5
 """Confidence from which a pose is believed: more likely right than not."""
-
-
-class Viewpoints(NamedTuple):
-    """Of which cloud it was known where its sensor stood."""
-
-    source: bool
-    target: bool
 
 
 @dataclass(frozen=True, eq=False)
@@ -68,8 +61,9 @@ class RegistrationResult:
         sensors saw of it; None for a method that does not ask (``"paper"``).
     visibility
         What they saw, a :class:`hmrf_icp.Visibility`; None likewise.
-    viewpoints
-        Whether it was known where the sensors of ``source`` and ``target`` stood.
+    source_view, target_view
+        How it is known where each was seen from: given, recovered from its points, assumed, or
+        not at all; printed, it says so with the numbers.
     correspondences
         What the properties below are read from.
 
@@ -97,7 +91,8 @@ class RegistrationResult:
     degenerate: tuple[FreeMotion, ...]
     confidence: float | None
     visibility: Visibility | None
-    viewpoints: Viewpoints
+    source_view: SensorView
+    target_view: SensorView
     correspondences: Correspondences = field(repr=False)
 
     @property
@@ -126,7 +121,11 @@ class RegistrationResult:
             return None
         if self.confidence is None:
             return "try a start nearer to the true pose, more iterations or another preset"
-        unknown = [name for name, known in self.viewpoints._asdict().items() if not known]
+        unknown = [
+            name
+            for name, view in (("source", self.source_view), ("target", self.target_view))
+            if not view.known
+        ]
         if unknown:
             return (
                 f"say where the sensor of {' and '.join(unknown)} stood (a camera, or a "

@@ -85,7 +85,7 @@ def test_json_is_one_strict_object_and_nothing_else(command, clouds):
         "believed",
         "confidence",
         "visibility",
-        "viewpoint_known",
+        "source_view",
         "converged",
         "iterations",
         "em_iterations",
@@ -213,7 +213,7 @@ def test_a_pose_that_does_not_convince_is_status_1_and_says_what_to_try(command,
     assert status == 1
     assert content["believed"] is False
     assert content["confidence"] < 0.5
-    assert content["viewpoint_known"] == {"source": False, "target": False}
+    assert content["source_view"]["kind"] == content["target_view"]["kind"] == "assumed"
     assert "NOT convincing, confidence 0." in err
     assert "say where the sensor of source and target stood" in err
 

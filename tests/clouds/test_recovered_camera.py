@@ -4,11 +4,11 @@ from __future__ import annotations
 
 import numpy as np
 import pytest
-from hmrf_icp.kernels.range_image import project
 from numpy.typing import NDArray
 
 from hmrf_icp import PinholeCamera, se3
 from hmrf_icp.clouds.recovered_camera import recovered_camera
+from hmrf_icp.kernels.range_image import project
 from hmrf_icp.synthetic import render, scenes
 
 CAMERA = PinholeCamera(width=120, height=90, fx=105.0, fy=110.0, cx=57.5, cy=46.0)

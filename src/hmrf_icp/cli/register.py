@@ -7,7 +7,7 @@ from collections.abc import Iterator
 from contextlib import contextmanager
 from dataclasses import replace
 from pathlib import Path
-from typing import TYPE_CHECKING, Annotated
+from typing import TYPE_CHECKING, Annotated, cast
 
 import typer
 
@@ -17,6 +17,7 @@ from hmrf_icp.errors import InputError
 if TYPE_CHECKING:
     from hmrf_icp.clouds.cloud import PointCloud
     from hmrf_icp.io import Intrinsics
+    from hmrf_icp.registration import Where
     from hmrf_icp.result import RegistrationResult
 
 NOT_BELIEVED = 1
@@ -75,11 +76,12 @@ def register(
     viewpoint: Annotated[
         str | None,
         typer.Option(
-            metavar="X,Y,Z",
+            metavar="X,Y,Z|auto|none",
             rich_help_panel=_CLOUDS,
             help="Where the sensor stood, in the frame of each cloud, metres: 0,0,0 for LiDAR "
             "scans in the sensor's own frame. Holds for SOURCE and TARGET, whatever their files "
-            "say; depth maps need none.",
+            "say; depth maps need none. auto, which is the default, finds it out from the "
+            "points; none does without.",
         ),
     ] = None,
     init: Annotated[
@@ -87,10 +89,19 @@ def register(
         typer.Option(
             metavar="POSE.txt",
             rich_help_panel=_METHOD,
-            help="Where to start: a 4x4 matrix as text, source to target, metres; the identity "
-            "unless given.",
+            help="Where to start: a 4x4 matrix as text, source to target, metres. Without, "
+            "nothing is known, and the pose is looked for everywhere.",
         ),
     ] = None,
+    search: Annotated[
+        str,
+        typer.Option(
+            metavar="WHERE",
+            rich_help_panel=_METHOD,
+            help="Where to look: near the start, everywhere, or auto: near a start that is given "
+            "and everywhere without.",
+        ),
+    ] = "auto",
     preset: Annotated[
         str,
         typer.Option(
@@ -152,7 +163,9 @@ def register(
 ) -> None:
     """Find the rigid motion that takes SOURCE onto TARGET.
 
-    Example: hmrf-icp register a.png b.png --intrinsics 585,585,320,240
+    Example: hmrf-icp register A.ply B.ply
+
+    Depth maps: hmrf-icp register a.png b.png --intrinsics 585,585,320,240
 
     Exit status: 0 the pose is to be believed (confidence of 0.5 or more; converged,
     where the preset gives no confidence); 1 it is not (the result is printed and
@@ -172,7 +185,10 @@ def register(
     _require_positive("--depth-scale", depth_scale, "units per metre")
     _require_positive("--max-depth", max_depth, "metres")
     lens = _lens(camera, intrinsics)
-    stood = None if viewpoint is None else _position("--viewpoint", viewpoint)
+    looked = viewpoint in (None, "auto", "none")
+    stood = None if looked or viewpoint is None else _position("--viewpoint", viewpoint)
+    if search not in ("auto", "near", "everywhere"):
+        raise InputError(f"--search: unknown {search!r}, expected auto, near or everywhere")
     start = None if init is None else read_pose(init)
     outputs = Outputs(output, pose, figure)
     outputs.check([file for file in (source, target, camera, init) if file])
@@ -203,6 +219,8 @@ def register(
                     preset=method,
                     rejector=None if rejector is None else presets.rejector(rejector),
                     aligner=None if aligner is None else presets.aligner(aligner),
+                    viewpoint=None if viewpoint == "none" else "auto",
+                    search=cast("Where", search),
                     on_iteration=bar,
                 )
             bar.stage("Writing")
@@ -228,7 +246,8 @@ def _position(option: str, text: str) -> tuple[float, float, float]:
         x = y = z = math.nan
     if not all(map(math.isfinite, (x, y, z))):
         raise InputError(
-            f"{option}: expected three numbers X,Y,Z in metres, such as 0,0,1.8; got {text!r}"
+            f"{option}: expected three numbers X,Y,Z in metres, such as 0,0,1.8, auto or none; "
+            f"got {text!r}"
         )
     return x, y, z
 

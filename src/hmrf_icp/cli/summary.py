@@ -43,6 +43,7 @@ def summary(
         f"  inlier RMSE  {_length(result.inlier_rmse)}, {result.fitness:.1%} of the points",
         f"  motion       {_length(se3.translation_norm(motion))}, "
         f"{math.degrees(se3.rotation_angle(motion)):.3f} deg",
+        *_views(result),
         f"  time         {result.seconds:.2f} s, {count(result.em_iterations, 'EM step')}",
         *_left_alone(result),
         "",
@@ -66,11 +67,23 @@ def json_text(result: RegistrationResult, also: Mapping[str, Any]) -> str:
     """
     content = {name: getattr(result, name) for name in _NUMBERS}
     content["visibility"] = None if result.visibility is None else asdict(result.visibility)
-    content["viewpoint_known"] = result.viewpoints._asdict()
+    content["source_view"], content["target_view"] = (
+        {"kind": view.kind, "text": view.text} for view in (result.source_view, result.target_view)
+    )
     content["degenerate"] = [
         {"motion": str(motion), "twist": motion.twist} for motion in result.degenerate
     ]
     return json.dumps(_plain(content | dict(also)), allow_nan=False)
+
+
+def _views(result: RegistrationResult) -> list[str]:
+    """Lines on where the clouds were seen from, for a method that asks."""
+    if result.visibility is None:
+        return []
+    return [
+        f"  source seen  {result.source_view}",
+        f"  target seen  {result.target_view}",
+    ]
 
 
 def _left_alone(result: RegistrationResult) -> list[str]:

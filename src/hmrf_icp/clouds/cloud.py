@@ -223,7 +223,7 @@ class PointCloud:
         for array in (points, viewpoint):
             if array is not None:
                 array.flags.writeable = False
-        values = {"points": points, "viewpoint": viewpoint, "notes": self.notes}
+        values: dict[str, Any] = {"points": points, "viewpoint": viewpoint, "notes": self.notes}
         values |= {"camera": None, "normals": None, "attributes": Attributes({}, points.shape[:-1])}
         for name, value in values.items():
             object.__setattr__(cloud, name, value)

@@ -10,16 +10,17 @@ import math
 from collections.abc import Callable, Hashable
 from dataclasses import dataclass, field, replace
 from functools import cached_property
-from typing import Any, TypeVar, cast
+from typing import Any, Literal, TypeVar, cast
 
 import numpy as np
-from numpy.typing import NDArray
+from numpy.typing import ArrayLike, NDArray
 
-from hmrf_icp.clouds.assumed_viewpoint import POINTS, assumed_viewpoint
+from hmrf_icp.clouds.assumed_viewpoint import POINTS
 from hmrf_icp.clouds.closest_table import ClosestTable
 from hmrf_icp.clouds.cloud import PointCloud, PointCloudLike, as_cloud, require_registrable, some_of
 from hmrf_icp.clouds.downsample import downsample
 from hmrf_icp.clouds.range_image import RangeImage, range_image
+from hmrf_icp.clouds.sensor_view import SensorView, find_view, given_view
 from hmrf_icp.clouds.surface import Surface, surface
 from hmrf_icp.clouds.tree import Tree
 from hmrf_icp.errors import InputError
@@ -51,8 +52,10 @@ class PreparedCloud:
     origin
         (3,) where the origin of this cloud stands in the frame that it was given in, metres:
         other than zero where the coordinates were far from zero.
-    assumed
-        Whether the viewpoint is a guess: which side of the surfaces was seen is not known then.
+    view
+        How it is known where the cloud was seen from; None to go by the cloud itself.
+    look
+        Whether a viewpoint is looked for where none is known.
 
     Examples
     --------
@@ -65,7 +68,8 @@ class PreparedCloud:
 
     cloud: PointCloud
     origin: Array = field(default_factory=lambda: np.zeros(3))
-    assumed: bool = False
+    view: SensorView | None = None
+    look: bool = True
     _derived: dict[Hashable, Any] = field(
         default_factory=dict, init=False, repr=False, compare=False
     )
@@ -87,7 +91,7 @@ class PreparedCloud:
     def __eq__(self, other: object) -> bool:
         if not isinstance(other, PreparedCloud):
             return NotImplemented
-        mine, theirs = ((one.cloud, one.assumed) for one in (self, other))
+        mine, theirs = ((one.cloud, one.view, one.look) for one in (self, other))
         return mine == theirs and np.array_equal(self.origin, other.origin)
 
     def __hash__(self) -> int:
@@ -110,7 +114,7 @@ class PreparedCloud:
     def surface(self) -> Surface:
         """Normals, noise and areas of the observed points."""
         fitted = surface(self.cloud, lambda: self.tree)
-        return replace(fitted, oriented=False) if self.assumed else fitted
+        return replace(fitted, oriented=False) if self.seen_from.kind == "assumed" else fitted
 
     @cached_property
     def border(self) -> NDArray[np.bool_]:
@@ -127,17 +131,24 @@ class PreparedCloud:
     @cached_property
     def range_image(self) -> RangeImage | None:
         """What the sensor saw from its viewpoint, None where that is not known."""
-        return range_image(self.cloud, self.surface) if self.cloud.viewpoint is not None else None
+        return range_image(self.cloud, self.surface) if self.seen_from.known else None
 
     @cached_property
     def viewed(self) -> PreparedCloud:
         """The cloud from its viewpoint or, where that is not known, from the likeliest place."""
-        if self.cloud.viewpoint is not None:
+        if self.cloud.viewpoint is not None or not self.look:
             return self
-        place, _ = assumed_viewpoint(self.downsampled(POINTS).surface, -self.origin)
-        at_origin = np.array_equal(place, -self.origin)
-        seen = self.cloud.derived(self.cloud.points, np.array(place))
-        return PreparedCloud(seen, self.origin, assumed=not at_origin)
+        seen = find_view(self.cloud, self.downsampled(POINTS).surface, -self.origin)
+        if seen.camera is not None:
+            cloud = PointCloud(self.cloud.points, seen.camera, notes=self.cloud.notes)
+        else:
+            cloud = self.cloud.derived(self.cloud.points, np.array(seen.place))
+        return PreparedCloud(cloud, self.origin, seen.view)
+
+    @property
+    def seen_from(self) -> SensorView:
+        """How it is known where the cloud was seen from."""
+        return given_view(self.cloud) if self.view is None else self.view
 
     @cached_property
     def neighbour_distance(self) -> float:
@@ -173,7 +184,7 @@ class PreparedCloud:
     def _fewer(self, most: int) -> tuple[PreparedCloud, NDArray[np.intp]]:
         def build() -> tuple[PreparedCloud, NDArray[np.intp]]:
             few, representative = downsample(self.cloud, most)
-            return PreparedCloud(few, self.origin, self.assumed), representative
+            return PreparedCloud(few, self.origin, self.view, self.look), representative
 
         return self._once(("downsampled", most), build)
 
@@ -189,12 +200,16 @@ class PreparedCloud:
             self._derived[key] = build()
         return cast(T, self._derived[key])
 
-    def __reduce__(self) -> tuple[type[PreparedCloud], tuple[PointCloud, Array, bool]]:
+    def __reduce__(self) -> tuple[type[PreparedCloud], tuple[Any, ...]]:
         """Pickle and copy the cloud alone: what was derived is worked out again."""
-        return PreparedCloud, (self.cloud, self.origin, self.assumed)
+        return PreparedCloud, (self.cloud, self.origin, self.view, self.look)
 
 
-def prepare(cloud: PreparedCloud | PointCloudLike, name: str = "cloud") -> PreparedCloud:
+def prepare(
+    cloud: PreparedCloud | PointCloudLike,
+    name: str = "cloud",
+    viewpoint: ArrayLike | Literal["auto"] | None = "auto",
+) -> PreparedCloud:
     """Prepare a cloud to be registered, once for many registrations.
 
     Parameters
@@ -203,6 +218,10 @@ def prepare(cloud: PreparedCloud | PointCloudLike, name: str = "cloud") -> Prepa
         As for :func:`hmrf_icp.register`.
     name
         What an error calls it.
+    viewpoint
+        Where the sensor stood, for a cloud that does not say so itself: (3,) in the cloud's
+        frame, metres; ``"auto"`` to recover it from the points, or the camera from the grid,
+        and to assume the likeliest place where that fails; None to do without.
 
     Raises
     ------
@@ -220,13 +239,21 @@ def prepare(cloud: PreparedCloud | PointCloudLike, name: str = "cloud") -> Prepa
         cloud.require_registrable(name)
         return cloud
     given = as_cloud(cloud, name)
+    look = isinstance(viewpoint, str)
+    if isinstance(viewpoint, str):
+        if viewpoint != "auto":
+            raise InputError(
+                f'viewpoint: expected "auto", None or three numbers, got {viewpoint!r}'
+            )
+    elif viewpoint is not None and given.viewpoint is None:
+        given = replace(given, viewpoint=np.array(viewpoint, dtype=np.float64))
     require_registrable(given, name)
     some = some_of(given.observed_points)
     centre = np.median(some, axis=0)
     size = float(np.median(np.linalg.norm(some - centre, axis=1)))
     if given.camera is not None or np.linalg.norm(centre) <= FAR * size:
-        return PreparedCloud(given)
+        return PreparedCloud(given, look=look)
     # Whole units keep the digits that coordinates of few decimals have.
     origin = np.round(centre)
-    viewpoint = None if given.viewpoint is None else given.viewpoint - origin
-    return PreparedCloud(given.derived(given.points - origin, viewpoint), origin)
+    stood = None if given.viewpoint is None else given.viewpoint - origin
+    return PreparedCloud(given.derived(given.points - origin, stood), origin, look=look)

@@ -81,9 +81,7 @@ class RangeImage:
         """Return the same with a tolerance wider by (M,) metres, one entry a point seen."""
         return replace(self, tolerance=self.tolerance + np.where(self.row < 0, 0.0, by[self.row]))
 
-    def ask(
-        self, points: Array, normals: Array, pose: Array, signed: bool = True
-    ) -> NDArray[np.uint8]:
+    def ask(self, points: Array, normals: Array, pose: Array) -> NDArray[np.uint8]:
         """Ask what the sensor saw of points (M, 3) that ``pose`` (4, 4) moves into its frame.
 
         Returns
@@ -116,7 +114,6 @@ class RangeImage:
             self.row,
             self.tolerance,
             self.facing,
-            signed,
             code,
         )
         return code

@@ -59,13 +59,11 @@ def classify(
     row: Any,
     tolerance: Any,
     facing: Any,
-    signed: bool,
     code: Any,
 ) -> None:
     """Write what a view says of each point (M, 3), moved by pose (4, 4) into its frame.
 
-    ``facing`` are the normals of the points that the view shows; where not ``signed``,
-    a surface and its back are the same. A point agrees
+    ``facing`` are the normals of the points that the view shows. A point agrees
     with the pixel it falls on or one of the eight around it; it is in front, or
     behind, only of all of them.
     """
@@ -98,7 +96,7 @@ def classify(
                 far = max(far, seen + band)
                 if abs(reach - seen) < band:
                     c = nx * facing[m, 0] + ny * facing[m, 1] + nz * facing[m, 2]
-                    cosine = max(cosine, c if signed else abs(c))
+                    cosine = max(cosine, c)
         j = j % width if wraps else j
         if cosine > FACING:
             code[k] = AGREE

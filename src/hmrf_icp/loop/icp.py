@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Callable, Mapping
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 
 import numpy as np
 from numpy.typing import NDArray
@@ -197,6 +197,15 @@ class Loop:
             tuple(history),
             stuck,
         )
+
+    def at(self, pose: Array) -> LoopResult:
+        """Tell what the parts make of a pose (4, 4) without moving from it."""
+        source = Placed.at(pose, self._points)
+        matches = self._match(source)
+        labels = self._reject(matches, self._reject(matches, None))
+        step = self._align(source, matches, labels)
+        last = None if step is None else replace(step, motion=np.eye(4))
+        return LoopResult(pose, matches, labels, False, labels.em_iterations, last, ())
 
     def _match(self, source: Placed) -> Matches:
         return checked(self._matcher(source), len(self._points), self._onto)

@@ -18,9 +18,9 @@ MOST = 200
 def everywhere(source: PreparedCloud, target: PreparedCloud) -> Iterator[Array]:
     """Yield poses (K, 4, 4), source to target, that may be right, wherever the clouds stand.
 
-    Local features come first: they are exact where both clouds saw a corner. How surfaces
-    face, and where they fit, finds what has few: a table, walls, little overlap. Where the
-    side from which surfaces were seen is a guess, features without it come last.
+    How surfaces face, and where they fit, comes first: it needs no corner that both clouds
+    saw. Local features find what has no large surfaces in common. Where the side from which
+    surfaces were seen is a guess, features without it come last.
     """
     from hmrf_icp.search.hypotheses import hypotheses
     from hmrf_icp.search.plane_hypotheses import plane_hypotheses, sampled
@@ -28,12 +28,12 @@ def everywhere(source: PreparedCloud, target: PreparedCloud) -> Iterator[Array]:
     mine, theirs = source.surface, target.surface
     if not (mine.normals.any() and theirs.normals.any()):
         return
-    sides = mine.points, mine.normals, theirs.points, theirs.normals
-    yield hypotheses(*sides, True, MOST).poses
     first, second = (
         sampled(one.points, one.normals, one.area, one.oriented, cloud.cloud.viewpoint)
         for cloud, one in ((source, mine), (target, theirs))
     )
     yield plane_hypotheses(first, second, MOST)[0]
+    sides = mine.points, mine.normals, theirs.points, theirs.normals
+    yield hypotheses(*sides, True, MOST).poses
     if not (mine.oriented and theirs.oriented):
         yield hypotheses(*sides, False, MOST).poses

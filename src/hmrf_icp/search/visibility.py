@@ -71,9 +71,7 @@ class Visibility:
 class Asked(Protocol):
     """Anything that can be asked what it knows of points moved into its frame."""
 
-    def ask(
-        self, points: Array, normals: Array, pose: Array, signed: bool = True
-    ) -> NDArray[np.uint8]:
+    def ask(self, points: Array, normals: Array, pose: Array) -> NDArray[np.uint8]:
         """Return a code (M,) of :mod:`hmrf_icp.kernels.range_image` for each point (M, 3)."""
 
 
@@ -99,13 +97,7 @@ class NearSurface:
         self._band = band * surface.noise + np.sqrt(surface.area)
         self._border = cloud.border
 
-    def ask(
-        self,
-        points: Array,
-        normals: Array,
-        pose: Array,
-        signed: bool = True,  # noqa: ARG002
-    ) -> NDArray[np.uint8]:
+    def ask(self, points: Array, normals: Array, pose: Array) -> NDArray[np.uint8]:
         """Ask who is on the surface, facing its way, and who is off it where it goes on."""
         distance, row = self._tree.query(se3.transform(pose, points))
         return self.tell(distance, row, normals @ pose[:3, :3].T)
@@ -134,28 +126,27 @@ class VisibilityTest:
     Attributes
     ----------
     views
-        Whether a sensor's view is known; otherwise surfaces that are near agree.
+        Whether it is known where both were seen from; otherwise surfaces take the place of free
+        space, as :class:`NearSurface` has it.
     """
 
     def __init__(self, source: PreparedCloud, target: PreparedCloud, count: int) -> None:
         self._of_source = Sample.of(source.surface, count)
         self._of_target = Sample.of(target.surface, count)
-        self._signed = source.surface.oriented and target.surface.oriented
-        self._by_source: Asked | None = source.range_image
-        self._by_target: Asked | None = target.range_image
-        self.views = self._by_source is not None or self._by_target is not None
-        if not self.views:
-            self._by_source, self._by_target = NearSurface(source), NearSurface(target)
+        by_source, by_target = source.range_image, target.range_image
+        self.views = by_source is not None and by_target is not None
+        self._by_source: Asked = by_source if by_source and by_target else NearSurface(source)
+        self._by_target: Asked = by_target if by_source and by_target else NearSurface(target)
 
     def __call__(self, pose: Array) -> Visibility:
         """Ask about one pose (4, 4), source to target."""
-        counts = np.zeros(5, dtype=np.int64)
-        for sample, view, motion in (
-            (self._of_source, self._by_target, pose),
-            (self._of_target, self._by_source, se3.inverse(pose)),
-        ):
-            if view is not None:
-                seen = view.ask(sample.points, sample.normals, motion, self._signed)
-                counts += np.bincount(seen, minlength=5)
-        agree, front, behind, outside, other = (int(n) for n in counts)
+        seen = np.concatenate(
+            [
+                self._by_target.ask(self._of_source.points, self._of_source.normals, pose),
+                self._by_source.ask(
+                    self._of_target.points, self._of_target.normals, se3.inverse(pose)
+                ),
+            ]
+        )
+        agree, front, behind, outside, other = (int(n) for n in np.bincount(seen, minlength=5))
         return Visibility(agree, front, behind, outside, other, self.views)

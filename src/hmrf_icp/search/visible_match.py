@@ -62,7 +62,7 @@ class VisibleMatch:
         """Return what tells the log-odds (M,) of every label."""
         surface, log_odds = source.surface, np.array(self.log_odds)
         view = target.range_image
-        if view is None:
+        if view is None or source.range_image is None:
             near = NearSurface(target, self.band)
 
             def on_the_surface(source: Placed, matches: Matches) -> Array:
@@ -71,10 +71,9 @@ class VisibleMatch:
 
             return on_the_surface
         view = view.wider((self.band - BAND) * target.surface.noise)
-        signed = surface.oriented and target.surface.oriented
 
         def seen(source: Placed, matches: Matches) -> Array:  # noqa: ARG001
-            codes = view.ask(surface.points, surface.normals, source.transformation, signed)
+            codes = view.ask(surface.points, surface.normals, source.transformation)
             return np.asarray(log_odds[codes])
 
         return seen
