@@ -144,9 +144,9 @@ def aligner(name: str) -> Aligner:
 
 
 def method(
-    preset: str | Registrar,
-    rejector: str | Rejector | None = None,
-    aligner: str | Aligner | None = None,
+    chosen: str | Registrar,
+    reject: str | Rejector | None = None,
+    align: str | Aligner | None = None,
     criteria: StoppingRule | None = None,
 ) -> Registrar:
     """Put a method together from names, or from parts of one's own.
@@ -154,18 +154,15 @@ def method(
     Raises
     ------
     InputError
-        There is none of that name, or the preset is no method.
+        There is none of that name, or what was chosen is no method.
     """
-    chosen = _preset(preset) if isinstance(preset, str) else preset
-    if not isinstance(chosen, Registrar):
+    one = preset(chosen) if isinstance(chosen, str) else chosen
+    if not isinstance(one, Registrar):
         raise InputError(
-            f"preset: unknown {preset!r}, expected a method or one of {', '.join(names())}"
+            f"preset: unknown {chosen!r}, expected a method or one of {', '.join(names())}"
         )
-    return chosen.with_parts(
-        reject=_rejector(rejector) if isinstance(rejector, str) else rejector,
-        align=_aligner(aligner) if isinstance(aligner, str) else aligner,
+    return one.with_parts(
+        reject=rejector(reject) if isinstance(reject, str) else reject,
+        align=aligner(align) if isinstance(align, str) else align,
         criteria=criteria,
     )
-
-
-_preset, _rejector, _aligner = preset, rejector, aligner
