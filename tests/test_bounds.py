@@ -1,8 +1,8 @@
 """Compiled loops under bounds checking: ``NUMBA_BOUNDSCHECK=1 pytest tests/test_bounds.py``.
 
-Numba compiles them anew for it, which takes minutes, so it is a step of its own; give it a folder of
-its own for what it compiles (``NUMBA_CACHE_DIR``), for others would be handed loops that were
-compiled without. A row that does not exist is then an IndexError, and no memory of others.
+Numba compiles them anew for it, which takes minutes, so it is a step of its own, with a folder
+of its own for what is compiled (``NUMBA_CACHE_DIR``): loops compiled without the check would be
+taken for these. A row that does not exist is then an IndexError, and no memory of others.
 """
 
 from __future__ import annotations
@@ -12,11 +12,11 @@ import warnings
 
 import numpy as np
 import pytest
-import synthetic
-from test_fuzz_registrations import fuzz  # noqa: F401  (a fixture)
 
 import hmrf_icp
+import synthetic
 from hmrf_icp import PinholeCamera, PointCloud, presets
+from test_fuzz_registrations import fuzz  # noqa: F401  (a fixture)
 
 pytestmark = pytest.mark.skipif(
     os.environ.get("NUMBA_BOUNDSCHECK") != "1", reason="needs NUMBA_BOUNDSCHECK=1"
