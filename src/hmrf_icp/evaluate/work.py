@@ -252,7 +252,7 @@ def _warm(method: NamedMethod, source: Prepared, target: Prepared, init: protoco
         few, fewer = (
             Prepared(p.cloud.subsample(_step(p)), ("small", p.name)) for p in (source, target)
         )
-        with _one_core(), warnings.catch_warnings(), contextlib.suppress(Exception):
+        with one_core(), warnings.catch_warnings(), contextlib.suppress(Exception):
             warnings.simplefilter("ignore")
             method.register(few, fewer, init)
 
@@ -263,7 +263,7 @@ def _step(cloud: Prepared) -> int:
 
 
 @contextlib.contextmanager
-def _one_core() -> Iterator[None]:
+def one_core() -> Iterator[None]:
     """Let this process see one core for a moment."""
     if not hasattr(os, "sched_setaffinity"):  # macOS and Windows have no such thing
         yield
