@@ -37,8 +37,8 @@ class MatchedRmse:
     """The criterion of Choi, Zhou and Koltun (CVPR 2015), which 3DMatch and 3DLoMatch use.
 
     A pose is right when the root mean square error over the pair's true matches, which the
-    information matrix approximates, is at most ``rmse``: ``e' I e / I[0, 0] <= rmse**2``, where e is
-    the translation and the vector part of the quaternion of ``inverse(truth) @ estimate``.
+    information matrix approximates, is at most ``rmse``: ``e' I e / I[0, 0] <= rmse**2``, where e
+    is the translation and the vector part of the quaternion of ``inverse(truth) @ estimate``.
 
     Parameters
     ----------

@@ -29,8 +29,8 @@ def open_fragment_benchmark(folder: Path) -> PairSet:
 
     A scene has clouds ``cloud_bin_N.ply``, and beside them or in a sub-folder
     (``3DMatch/``, ``3DLoMatch/``; its name is the benchmark's) or in ``SCENE-evaluation/``
-    the files ``gt.log`` (pair i, j, and the matrix that takes cloud j to cloud i) and ``gt.info``. The
-    benchmarks count pairs with j > i + 1. ``gt_overlap.log`` (i, j, overlap) is read where
+    the files ``gt.log`` (pair i, j, and the matrix that takes cloud j to cloud i) and ``gt.info``.
+    The benchmarks count pairs with j > i + 1. ``gt_overlap.log`` (i, j, overlap) is read where
     it is; else the overlap is measured.
 
     Raises

@@ -9,7 +9,6 @@ from hmrf_icp.clouds.cloud import PointCloud
 from hmrf_icp.datasets.folders import files_in, numbered
 from hmrf_icp.datasets.formats import Format
 from hmrf_icp.datasets.sequence import Frame, Sequence
-from hmrf_icp.errors import InputError
 
 _SUFFIXES = (".ply", ".pcd")
 

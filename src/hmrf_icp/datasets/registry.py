@@ -11,7 +11,7 @@ from hmrf_icp.datasets import (
     fragments,
     infinitam,
     kitti,
-    real_pairs,
+    pair_folders,
     redwood,
     seven_scenes,
     synthetic,
@@ -32,7 +32,7 @@ _FORMATS: list[Format] = [
     infinitam.FORMAT,
     redwood.FORMAT,
     fragment_benchmark.FORMAT,
-    real_pairs.FORMAT,
+    pair_folders.FORMAT,
     fragments.FORMAT,
     clouds.FORMAT,
 ]

@@ -21,13 +21,25 @@ from hmrf_icp.evaluate.methods import Estimate, NamedMethod
 from hmrf_icp.evaluate.prepared import Prepared
 
 Array = NDArray[np.float64]
-Register: TypeAlias = Callable[[Prepared, Prepared, Array], Estimate]
+Register: TypeAlias = Callable[[Prepared, Prepared, "Array | None"], Estimate]
 
 THRESHOLDS = (0.05, 0.1, 0.2, 0.4, 0.8)
 """Distances in metres that a peer which wants one is run at, each as a method of its own."""
 
+VOXELS_MATCHED = (0.1, 0.2)
+"""Those of them for FPFH with RANSAC, which takes seconds on the voxels of a smaller one."""
+
+SHARE = 8
+"""In percent of the clouds' size, where these are not in metres.
+
+For methods that thin clouds these are voxels of 4 %: of a fragment of a room 0.05 m, which is what
+benchmarks of fragments are usually run with.
+"""
+
 MAX_ITERATIONS = 50
 """As many as the paper gives its own; the libraries' defaults are 20 and 30."""
+
+RANSAC_ITERATIONS = 100_000
 
 NEIGHBOURS = 20
 """Points that a normal or a covariance is estimated from."""
@@ -52,6 +64,17 @@ class Family:
     build: Callable[[float], Register]
     thresholds: tuple[float, ...] = THRESHOLDS
 
+    def shares(self) -> tuple[NamedMethod, ...]:
+        """Return the method at a share of the clouds' size, in place of metres."""
+        if not self.thresholds:
+            return self.methods()
+
+        def register(source: Prepared, target: Prepared, init: Array | None) -> Estimate:
+            reach = SHARE / 100 * 0.5 * (size(source) + size(target))
+            return self.build(reach)(source, target, init)
+
+        return (NamedMethod(f"{self.name}@{SHARE}%", register),)
+
     @property
     def missing(self) -> tuple[str, ...]:
         """What it needs and is not installed."""
@@ -64,6 +87,15 @@ class Family:
         return tuple(
             NamedMethod(f"{self.name}@{metres:g}", self.build(metres)) for metres in self.thresholds
         )
+
+
+def size(cloud: Prepared) -> float:
+    """Root mean square distance of the points from their centroid."""
+
+    def measure() -> float:
+        return float(np.sqrt(((cloud.points - cloud.centroid) ** 2).sum(axis=1).mean()))
+
+    return cloud.derived("size", measure)
 
 
 class NoAnswerError(Exception):
@@ -218,6 +250,58 @@ def _fricp(source: Prepared, target: Prepared, init: Array, metric: str) -> Esti
     )
 
 
+# --- FPFH and RANSAC --------------------------------------------------------------------------
+
+
+def _features(cloud: Prepared, voxel: float) -> tuple[Any, Any]:
+    def build() -> tuple[Any, Any]:
+        import open3d as o3d
+
+        made = o3d.geometry.PointCloud(o3d.utility.Vector3dVector(cloud.points))
+        made = made.voxel_down_sample(voxel)
+        near, around = (
+            o3d.geometry.KDTreeSearchParamHybrid(radius=radius * voxel, max_nn=count)
+            for radius, count in ((2, 30), (5, 100))
+        )
+        made.estimate_normals(near)
+        pipeline: Any = o3d.pipelines.registration
+        return made, pipeline.compute_fpfh_feature(made, around)
+
+    return cloud.derived(("fpfh", voxel), build)
+
+
+def _fpfh(source: Prepared, target: Prepared, reach: float, refined: bool) -> Estimate:
+    """Match FPFH on voxels of half the threshold by RANSAC, as Open3D's tutorial does."""
+    import open3d as o3d
+
+    pipeline: Any = o3d.pipelines.registration
+    voxel = reach / 2
+
+    def match() -> Estimate:
+        (moving, theirs), (fixed, ours) = _features(source, voxel), _features(target, voxel)
+        o3d.utility.random.seed(0)
+        found = pipeline.registration_ransac_based_on_feature_matching(
+            moving,
+            fixed,
+            theirs,
+            ours,
+            True,
+            1.5 * voxel,
+            pipeline.TransformationEstimationPointToPoint(False),
+            3,
+            [
+                pipeline.CorrespondenceCheckerBasedOnEdgeLength(0.9),
+                pipeline.CorrespondenceCheckerBasedOnDistance(1.5 * voxel),
+            ],
+            pipeline.RANSACConvergenceCriteria(RANSAC_ITERATIONS, 0.999),
+        )
+        return Estimate(np.array(found.transformation), fitness=float(found.fitness))
+
+    # As below: the same from every start, and the matches are those that are refined.
+    outcome = source.derived(("fpfh", target.name, reach), match)
+    return gicp(source, target, outcome.transformation, (reach,)) if refined else outcome
+
+
 # --- KISS-Matcher -----------------------------------------------------------------------------
 
 
@@ -253,30 +337,55 @@ FAMILIES = (
     Family("fricp", ("fricp_cpp",), lambda _: _bind(_fricp, "point_to_point"), ()),
     Family("fricp-plane", ("fricp_cpp", "open3d"), lambda _: _bind(_fricp, "point_to_plane"), ()),
     Family("kiss-gicp", ("kiss_matcher", "small_gicp"), lambda reach: _kiss(reach)),
+    Family("fpfh", ("open3d",), lambda reach: _fpfh_of(reach, False), VOXELS_MATCHED),
+    Family(
+        "fpfh-gicp",
+        ("open3d", "small_gicp"),
+        lambda reach: _fpfh_of(reach, True),
+        VOXELS_MATCHED,
+    ),
 )
+
+FOR_PAIRS = ("gicp", "kiss-gicp", "fpfh", "fpfh-gicp")
+"""Families that are compared on lists of pairs, where nobody chose."""
+
+FOR_PAIRS_METRES = tuple(f"{name}@0.1" for name in FOR_PAIRS)
+"""The same on fragments in metres, at the benchmarks' usual voxels of 0.05 m."""
 
 
 def _bind(function: Callable[..., Estimate], *settings: Any) -> Register:
-    def register(source: Prepared, target: Prepared, init: Array) -> Estimate:
-        return function(source, target, init, *settings)
+    def register(source: Prepared, target: Prepared, init: Array | None) -> Estimate:
+        # What is local has to begin somewhere: with the frames as they are.
+        return function(source, target, np.eye(4) if init is None else init, *settings)
 
     return register
 
 
 def _kiss(reach: float) -> Register:
-    def register(source: Prepared, target: Prepared, init: Array) -> Estimate:  # noqa: ARG001
+    def register(source: Prepared, target: Prepared, init: Array | None) -> Estimate:  # noqa: ARG001
         return _kiss_gicp(source, target, reach)
 
     return register
 
 
-START_FREE = ("kiss-gicp",)
+def _fpfh_of(reach: float, refined: bool) -> Register:
+    def register(source: Prepared, target: Prepared, init: Array | None) -> Estimate:  # noqa: ARG001
+        return _fpfh(source, target, reach, refined)
+
+    return register
+
+
+START_FREE = ("kiss-gicp", "fpfh", "fpfh-gicp")
 """Families that do not look at the start."""
 
 
 def catalogue() -> dict[str, NamedMethod]:
     """Return every peer at every threshold by name, installed or not."""
-    return {method.name: method for family in FAMILIES for method in family.methods()}
+    return {
+        method.name: method
+        for family in FAMILIES
+        for method in (*family.methods(), *family.shares())
+    }
 
 
 @dataclass(frozen=True)
@@ -287,14 +396,16 @@ class Choice:
     skipped: tuple[str, ...]
 
 
-def choose(names: Iterable[str] | None) -> Choice:
+def choose(names: Iterable[str] | None, metres: bool = True) -> Choice:
     """Find peers by name.
 
     Parameters
     ----------
     names
-        A family (``gicp``: at every threshold) or one setting (``gicp@0.1``);
+        A family (``gicp``: at every threshold) or one setting (``gicp@0.1``, ``gicp@8%``);
         None means all.
+    metres
+        Whether the clouds are in metres; a family's thresholds are shares of their size if not.
 
     Raises
     ------
@@ -312,7 +423,13 @@ def choose(names: Iterable[str] | None) -> Choice:
     chosen: list[NamedMethod] = []
     skipped = []
     for family in FAMILIES:
-        mine = [m for m in family.methods() if {m.name, family.name} & wanted]
+        usual = family.methods() if metres else family.shares()
+        every = {m.name: m for m in (*family.methods(), *family.shares())}
+        mine = [
+            m
+            for m in every.values()
+            if m.name in wanted or (family.name in wanted and m.name in {u.name for u in usual})
+        ]
         if mine and family.missing:
             skipped.append(
                 f"{family.name}: skipped, {' and '.join(family.missing)} not installed "

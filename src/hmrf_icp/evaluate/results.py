@@ -31,6 +31,7 @@ COLUMNS = (
     "method",
     "error_m",
     "error_rad",
+    "right",
     "iterations",
     "em_iterations",
     "seconds",
@@ -53,6 +54,8 @@ class Row:
         Which.
     error_m, error_rad
         Of the pose, metres and radians; None for a run that gave no pose.
+    right
+        What the pair's own criterion says; None where the data set has none.
     seconds
         Preparation of the clouds included, compilation and imports not.
     failure
@@ -63,6 +66,7 @@ class Row:
     seconds: float
     error_m: float | None = None
     error_rad: float | None = None
+    right: bool | None = None
     iterations: int | None = None
     em_iterations: int | None = None
     converged: bool | None = None
@@ -78,12 +82,12 @@ class Row:
             str(run.pair.target),
             str(run.pair.source),
             _short(run.pair.overlap),
-            repr(run.start.angle),
-            repr(run.start.translation),
+            *run.start.cells,
             str(run.axis),
             run.method,
             _short(self.error_m),
             _short(self.error_rad),
+            "" if self.right is None else str(self.right),
             "" if self.iterations is None else str(self.iterations),
             "" if self.em_iterations is None else str(self.em_iterations),
             f"{self.seconds:.6f}",
@@ -171,10 +175,8 @@ class Results:
             )
             if len(cells) != len(COLUMNS):
                 raise ValueError(cells)
-            return self.plan.number(
-                pair, Start(float(angle), float(translation)), int(axis), method
-            )
-        except (ValueError, IndexError, KeyError, StopIteration):
+            return self.plan.number(pair, Start.of_cells(angle, translation), int(axis), method)
+        except (ValueError, IndexError, KeyError, StopIteration, InputError):
             raise InputError(
                 f"{self.path}, line {place}: not a row of this evaluation: "
                 f"{line[:80].decode(errors='replace').strip()!r}; remove the line and its run is "

@@ -34,10 +34,10 @@ def recall_by_overlap(study: Study) -> Drawing:
         for row, start in zip(grid, study.starts, strict=True):
             if study.roster.own:
                 _by_overlap(row[0], study, start, list(study.roster.own))
-                row[0].set_title(f"This package, started {start.label} off")
+                row[0].set_title(f"This package, {start.short}")
             if study.roster.peers:
                 _peers_by_overlap(row[-1], study, start)
-                row[-1].set_title(f"Peers, started {start.label} off")
+                row[-1].set_title(f"Peers, {start.short}")
             for axes in row:
                 # The own methods are the same in every row; a peer's best threshold is not.
                 if axes is row[-1] or start == study.starts[0]:
@@ -45,7 +45,7 @@ def recall_by_overlap(study: Study) -> Drawing:
         return Drawing.of(
             figure,
             "recall-by-overlap",
-            f"Recall (within {study.success}) by decile of overlap, with 95 % intervals after "
+            "Recall by decile of overlap, with 95 % intervals after "
             "Wilson; points are moved sideways a little so that the intervals can be told apart."
             + (
                 " Of each peer the threshold that solves most from that start is shown; the dotted "
@@ -116,7 +116,7 @@ def time_against_recall(study: Study) -> Drawing:
             axes.xaxis.set_minor_locator(NullLocator())
             axes.xaxis.set_major_formatter(lambda x, _: f"{x:g}")
             axes.set_xlabel("Median time a run (seconds)")
-            axes.set_title(f"Started {start.label} off")
+            axes.set_title(start.short.capitalize())
             recall_axis(axes)
         used = panels[: len(study.starts)]
         low, high = zip(*(axes.get_xlim() for axes in used), strict=True)

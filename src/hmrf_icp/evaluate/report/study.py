@@ -10,6 +10,8 @@ from functools import cached_property
 from pathlib import Path
 from typing import Any
 
+import numpy as np
+
 from hmrf_icp.errors import InputError
 from hmrf_icp.evaluate.progress import Progress, silent
 from hmrf_icp.evaluate.report.hindsight import Hindsight, hindsights
@@ -79,6 +81,19 @@ class Study:
     def solved(self) -> Mask:
         """Which runs succeeded."""
         return self.runs.solved(self.success)
+
+    @cached_property
+    def scenes(self) -> Mapping[str, str]:
+        """Benchmark and scene by the name of a pair; empty for sequences of frames."""
+        return {row["pair"]: row["scene"] for row in self.pairs if row.get("scene")}
+
+    @cached_property
+    def criterion(self) -> str:
+        """When a run counts as solved, as the end of a sentence: ``it ends within ...``."""
+        own = self.config.get("criterion")
+        if isinstance(own, str) and np.isfinite(self.runs["right"]).any():
+            return own
+        return f"it ends within {self.success} of the true pose"
 
     @property
     def starts(self) -> tuple[ReportedStart, ...]:

@@ -20,7 +20,7 @@ from hmrf_icp.errors import InputError
 SHARE, DEGREES = 0.02, 2.0
 """Tolerance of a pair that names none: this share of its size, and these degrees.
 
-Registered from the true pose, pairs whose truth was computed end within 1.5 % and 1.4 degrees of it.
+Registered from the true pose, pairs whose truth is good end within 1.8 % and 1.4 degrees of it.
 """
 
 _TRUTH, _ABOUT = "gt.txt", "meta.json"
@@ -62,14 +62,14 @@ class PointsFile:
             raise InputError(f"{self.path}: {error}") from None
 
 
-def open_real_pairs(folder: Path) -> PairSet:
+def open_pair_folders(folder: Path) -> PairSet:
     """Open a folder of pairs, or of one.
 
     Each has ``source.npz`` and ``target.npz``, ``gt.txt`` (4 x 4, source to target) and
     ``meta.json``: ``size`` (root mean square distance from the centroid, measured on the source
-    where it is not given), ``tol`` (distance and degrees, or null), ``camera`` (width, height, fx, fy,
-    cx, cy, or null), ``viewpoint`` (or null) and ``room`` (whether it is a room in metres, so that
-    a start may be shifted by metres; else a "metre" is the size).
+    where it is not given), ``tol`` (distance and degrees, or null), ``camera`` (width, height, fx,
+    fy, cx, cy, or null), ``viewpoint`` (or null) and ``room`` (whether it is a room in metres, so
+    that a start may be shifted by metres; else a "metre" is the size).
 
     Raises
     ------
@@ -161,5 +161,5 @@ FORMAT = Format(
     "pairs",
     "folders with source.npz, target.npz, gt.txt and meta.json",
     lambda folder: _is_pair(folder) or bool(_pairs_in(folder)),
-    open_real_pairs,
+    open_pair_folders,
 )
