@@ -295,7 +295,7 @@ def _print_standings(folder: Path) -> None:
     )
     table.add_column("method")
     for start in starts:
-        table.add_column(f"from {Named(start.angle, start.translation).label}", justify="right")
+        table.add_column(Named(start.angle, start.translation).begins, justify="right")
     for heading in ("median error of those", "median time", "no pose"):
         table.add_column(heading, justify="right")
     for one in found:

@@ -271,17 +271,17 @@ def spread(pairs: Sequence[Pair], count: int, seed: int) -> tuple[Pair, ...]:
     queues = []
     for number, members in enumerate(scenes.values()):
         first = int(np.random.default_rng((seed, number)).integers(len(members)))
-        queues.append([members[(first + k) % len(members)] for k in _reversed_bits(len(members))])
+        queues.append([members[(first + k) % len(members)] for k in _spread_places(len(members))])
     turns = itertools.chain.from_iterable(itertools.zip_longest(*queues))
     chosen = set(itertools.islice((pair for pair in turns if pair is not None), count))
     return tuple(pair for pair in pairs if pair in chosen)
 
 
-def _reversed_bits(count: int) -> list[int]:
-    """0 to ``count`` - 1 in the order of their binary digits read backwards."""
+def _spread_places(count: int) -> list[int]:
+    """0 to ``count`` - 1 in van der Corput's order: nothing, a half, a quarter, three quarters."""
     digits = max(count - 1, 1).bit_length()
-    backwards = (int(f"{k:0{digits}b}"[::-1], 2) for k in range(2**digits))
-    return [place for place in backwards if place < count]
+    shares = (int(f"{k:0{digits}b}"[::-1], 2) / 2**digits for k in range(2**digits))
+    return list(dict.fromkeys(int(share * count) for share in shares))
 
 
 def spread_targets(frames: Iterable[int], count: int = 2) -> tuple[int, ...]:

@@ -108,12 +108,6 @@ class FrameSource:
     sequence: datasets.Sequence
     targets: tuple[int, ...]
     criterion: str = ""
-    _frames: Mapping[int, Frame] = field(init=False, repr=False)
-
-    def __post_init__(self) -> None:
-        """Sort the frames by their index."""
-        frames = {frame.index: frame for frame in self.sequence.frames}
-        object.__setattr__(self, "_frames", frames)
 
     @property
     def notes(self) -> tuple[str, ...]:
@@ -121,8 +115,8 @@ class FrameSource:
         return self.sequence.notes
 
     def posed(self, pair: Pair) -> Posed:
-        """Return the two frames."""
-        return Posed(self._frames[pair.target], self._frames[pair.source])
+        """Return the two frames; InputError where the sequence has not got them."""
+        return Posed(self.sequence.frame(pair.target), self.sequence.frame(pair.source))
 
     def find(
         self, configuration: Configuration, clouds: work.Clouds, team: Workers, report: Progress
@@ -221,8 +215,10 @@ class ListSource:
         return self.pair_set.notes
 
     def posed(self, pair: Pair) -> Posed:
-        """Return the two clouds of a pair."""
-        listed = self._pairs[pair.scene, pair.target, pair.source]
+        """Return the two clouds of a pair; InputError where the list has not got it."""
+        listed = self._pairs.get((pair.scene, pair.target, pair.source))
+        if listed is None:
+            raise InputError(f"{self.pair_set.source}: no pair {pair.name} in this data set")
         return Posed(*listed.frames, listed.criterion, listed.unit)
 
     def find(

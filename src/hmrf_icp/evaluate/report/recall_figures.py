@@ -72,9 +72,8 @@ def recall_by_start(study: Study) -> Drawing:
             shares = [recall(study, method, Slice(start)) for start in study.starts]
             moved = places + _aside(number, len(chosen), 0.24)
             _line(axes, moved, shares, style[method.name], method.label)
-        for hindsight in study.hindsights[:1]:
-            oracle = hindsight.oracle(study.runs, study.success)
-            shares = [oracle.share(oracle.problems.begun_at(start)) for start in study.starts]
+        if study.hindsights:
+            shares = [_oracle_from(study, start) for start in study.starts]
             _line(axes, places, shares, ORACLE_LOOK, "oracle of the peers", interval=False)
         axes.set_xticks(places, [start.label for start in study.starts])
         axes.set_xlim(-0.5, len(study.starts) - 0.5)
@@ -158,9 +157,17 @@ def _peers_by_overlap(axes: Axes, study: Study, start: ReportedStart) -> None:
     if study.roster.own:
         chosen.append(study.headline)
     _by_overlap(axes, study, start, chosen)
-    for hindsight in study.hindsights[:1]:
+    hindsight = study.hindsight(start)
+    if hindsight is not None:
         shares = _oracle_by_decile(study, hindsight, start)
         _line(axes, _middles(), shares, ORACLE_LOOK, "oracle", interval=False)
+
+
+def _oracle_from(study: Study, start: ReportedStart) -> Share:
+    hindsight = study.hindsight(start)
+    assert hindsight is not None
+    oracle = hindsight.oracle(study.runs, study.success)
+    return oracle.share(oracle.problems.begun_at(start))
 
 
 def _oracle_by_decile(study: Study, hindsight: Hindsight, start: ReportedStart) -> list[Share]:
@@ -237,7 +244,7 @@ def _low_and_high(study: Study, method: ReportedMethod) -> str:
         below = Share.of(study.solved[low & (study.runs["overlap"] < 0.2)])
         above = Share.of(study.solved[low & (study.runs["overlap"] >= 0.2)])
         words.append(
-            f"{method.label} from {start.label}: {_words(below)} below 0.2 of overlap, "
+            f"{method.label}, {start.short}: {_words(below)} below 0.2 of overlap, "
             f"{_words(above)} from there up."
         )
     return " ".join(words)

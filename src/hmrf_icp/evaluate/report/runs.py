@@ -100,6 +100,8 @@ class ReportedStart(NamedTuple):
     @property
     def slug(self) -> str:
         """For file names: ``pi-30``, ``pi-6-0.3m``, ``none``."""
+        if not self.given:
+            return NONE
         angle = angle_label(self.angle).replace("π", "pi").replace("/", "-").replace(" ", "")
         return angle if self.translation == 0 else f"{angle}-{self.translation:g}m"
 

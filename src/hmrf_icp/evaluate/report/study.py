@@ -72,6 +72,15 @@ class Study:
         """Ways of choosing among the peers afterwards."""
         return hindsights(self.roster)
 
+    def hindsight(self, start: ReportedStart) -> Hindsight | None:
+        """Return the peers to hold runs from a start against; None without peers.
+
+        Those that use the start where there is one, and all of them where there is none.
+        """
+        if not self.hindsights:
+            return None
+        return self.hindsights[0 if start.given else -1]
+
     @cached_property
     def headline(self) -> ReportedMethod:
         """The method that the report is about."""

@@ -39,9 +39,9 @@ def _start(study: Study, start: ReportedStart) -> str:
     part = Slice(start)
     ours = recall(study, headline, part)
     sentence = f"{start.begins}, {headline.label} solves {_share(ours)}"
-    if not study.hindsights or headline.kind == "peer":
+    hindsight = study.hindsight(start)
+    if hindsight is None or headline.kind == "peer":
         return sentence + "."
-    hindsight = study.hindsights[0]
     chosen = hindsight.best(study.runs.where(part.of(study.runs)), study.success)
     single = recall(study, chosen, part)
     oracle = hindsight.oracle(study.runs, study.success)
