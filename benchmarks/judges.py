@@ -14,10 +14,8 @@ from dataclasses import dataclass, replace
 from pathlib import Path
 
 import numpy as np
-from scipy.spatial.transform import Rotation
 
-import hmrf_icp
-from hmrf_icp import PinholeCamera, PointCloud, datasets, se3
+from hmrf_icp import PointCloud, datasets, se3
 from hmrf_icp.evaluate import protocol
 
 SUBSAMPLE = 4
@@ -26,60 +24,24 @@ SUBSAMPLE = 4
 TARGETS = (6, 18, 31, 43)
 """Places in a sequence of the frames that stay, of fifty."""
 
-LARGEST_RMSE = 0.2
-"""Metres: the benchmark's bound on the root mean square error of a pair's true matches."""
 
-SHARE, DEGREES = 0.02, 2.0
-"""Tolerance of a pair that names none: this share of its size, and these degrees."""
-
-
-@dataclass(frozen=True, eq=False)
-class Criterion:
-    """When a pose is right: by the benchmark's information matrix, or by two bounds.
+@dataclass(frozen=True)
+class Bounds:
+    """Both errors at most these, the translation's as the paper measures it.
 
     Parameters
     ----------
     metres, radians
-        Bounds on both parts of the error.
-    centre
-        (3,) point of the source whose displacement counts as the error of translation; None for
-        the difference of the two translations.
-    information
-        (6, 6) the pair's block of ``gt.info``, used in place of both bounds.
+        The bounds.
     """
 
     metres: float = 0.05
     radians: float = 0.05
-    centre: np.ndarray | None = None
-    information: np.ndarray | None = None
 
-    def errors(self, pose: np.ndarray, truth: np.ndarray) -> tuple[float, float]:
-        """Return the two parts of the error, metres (the pair's unit) and radians.
-
-        By the information matrix the first is the root mean square error of the true matches.
-        """
-        metres, radians = se3.error(pose, truth)
-        if self.information is not None:
-            e = _error_vector(pose, truth)
-            return float(np.sqrt(e @ self.information @ e / self.information[0, 0])), radians
-        if self.centre is not None:
-            moved = [se3.transform(one, self.centre[None]) for one in (pose, truth)]
-            metres = float(np.linalg.norm(moved[0] - moved[1]))
-        return metres, radians
-
-    def right(self, pose: np.ndarray, truth: np.ndarray) -> bool:
+    def right(self, estimate: np.ndarray, truth: np.ndarray, centroid: np.ndarray) -> bool:  # noqa: ARG002
         """Tell whether a pose counts as the true one."""
-        metres, radians = self.errors(pose, truth)
-        if self.information is not None:
-            return metres <= LARGEST_RMSE
+        metres, radians = se3.error(estimate, truth)
         return metres <= self.metres and radians <= self.radians
-
-
-def _error_vector(pose: np.ndarray, truth: np.ndarray) -> np.ndarray:
-    """Return translation and vector part of the quaternion (6,) of what separates two poses."""
-    off = se3.inverse(truth) @ pose
-    quaternion = Rotation.from_matrix(off[:3, :3]).as_quat(canonical=True)
-    return np.concatenate([off[:3, 3], quaternion[:3]])
 
 
 @dataclass(frozen=True, eq=False)
@@ -114,11 +76,22 @@ class JudgedPair:
     target: Callable[[], PointCloud]
     truth: np.ndarray
     overlap: float
-    criterion: Criterion
+    criterion: datasets.Criterion
     unit: float = 1.0
     voxel: float = 0.05
     bare: bool = False
     near: bool = False
+
+    def outcome(self, pose: np.ndarray) -> tuple[bool, float, float]:
+        """Tell whether a pose is right, and its errors in the pair's unit and in radians.
+
+        By the benchmark's criterion the former is the root mean square error of the true matches.
+        """
+        centroid = self.source().observed_points.mean(axis=0)
+        metres, radians = se3.error(pose, self.truth)
+        if isinstance(self.criterion, datasets.MatchedRmse):
+            metres = self.criterion.error(pose, self.truth)
+        return self.criterion.right(pose, self.truth, centroid), metres, radians
 
     def start(self, start: protocol.Start) -> np.ndarray:
         """Turn and shift the true pose; the axis depends on the pair's name alone."""
@@ -126,17 +99,6 @@ class JudgedPair:
         axes = protocol.Axes.random(1, zlib.crc32(f"{self.group} {self.name}".encode()))
         scaled = replace(start, translation=start.translation * self.unit)
         return protocol.perturbed(self.truth, centroid, axes, 0, scaled)
-
-
-@dataclass(frozen=True)
-class CloudFile:
-    """A file with a cloud."""
-
-    path: Path
-
-    def __call__(self) -> PointCloud:
-        """Read it."""
-        return hmrf_icp.read_cloud(self.path)
 
 
 @dataclass(frozen=True)
@@ -150,62 +112,24 @@ class View:
         return self.frame.load().subsample(SUBSAMPLE)
 
 
-@dataclass(frozen=True)
-class Points:
-    """An archive with ``points``, and what is known of the sensor."""
-
-    path: Path
-    camera: tuple[float, ...] | None
-    viewpoint: tuple[float, ...] | None
-
-    def __call__(self) -> PointCloud:
-        """Read it."""
-        points = np.load(self.path)["points"]
-        if self.camera is not None:
-            width, height, *rest = self.camera
-            return PointCloud(points, PinholeCamera(int(width), int(height), *rest))
-        return PointCloud(
-            points, None, None if self.viewpoint is None else np.array(self.viewpoint)
-        )
-
-
 # --- the benchmarks of the field ----------------------------------------------------------------
 
 
-def _blocks(path: Path, rows: int) -> dict[tuple[int, int], np.ndarray]:
-    """Matrices of a ``gt.log`` (4 rows) or ``gt.info`` (6 rows) by their two numbers."""
-    words = path.read_text(encoding="utf-8").split()
-    size = 3 + rows * rows
-    found = {}
-    for first in range(0, len(words), size):
-        block = words[first : first + size]
-        matrix = np.array(block[3:], dtype=float).reshape(rows, rows)
-        found[int(block[0]), int(block[1])] = matrix
-    return found
-
-
 def benchmark_3dmatch(data: Path, name: str) -> Iterator[JudgedPair]:
-    """Yield the pairs of 3DMatch or 3DLoMatch that the benchmark counts: j > i + 1."""
-    for scene in sorted(path.parent for path in (data / "3dmatch").glob(f"*/{name}")):
-        poses = _blocks(scene / name / "gt.log", 4)
-        information = _blocks(scene / name / "gt.info", 6)
-        lines = (scene / name / "gt_overlap.log").read_text(encoding="utf-8").split()
-        overlaps = {
-            (int(i), int(j)): float(share) for i, j, share in (line.split(",") for line in lines)
-        }
-        for (i, j), pose in poses.items():
-            if j > i + 1:
-                truth = se3.rigid(se3.nearest_rotation(pose[:3, :3]), pose[:3, 3])
-                yield JudgedPair(
-                    f"{scene.name}-{i:02d}-{j:02d}",
-                    scene.name,
-                    CloudFile(scene / f"cloud_bin_{j}.ply"),
-                    CloudFile(scene / f"cloud_bin_{i}.ply"),
-                    truth,
-                    overlaps.get((i, j), float("nan")),
-                    Criterion(information=information[i, j]),
-                    bare=True,
-                )
+    """Yield the pairs of 3DMatch or 3DLoMatch that the benchmark counts."""
+    if not (data / "3dmatch").is_dir():
+        return
+    for pair in datasets.open_dataset(data / "3dmatch").only(name).pairs:
+        yield JudgedPair(
+            f"{pair.scene}-{pair.target:02d}-{pair.source:02d}",
+            pair.scene,
+            pair.source_scan.load,
+            pair.target_scan.load,
+            pair.truth,
+            pair.overlap,
+            pair.criterion,
+            bare=True,
+        )
 
 
 # --- what was rendered, and the real camera -----------------------------------------------------
@@ -213,28 +137,30 @@ def benchmark_3dmatch(data: Path, name: str) -> Iterator[JudgedPair]:
 
 def fragments(data: Path) -> Iterator[JudgedPair]:
     """Yield fragments of ``fragments-exact`` that overlap by a tenth or more."""
-    files = sorted((data / "fragments-exact").glob("fragment-*.ply"))
-    clouds = [CloudFile(file) for file in files]
-    poses = [np.loadtxt(file.with_suffix(".pose.txt")) for file in files]
-    read = [cloud() for cloud in clouds]
-    for i in range(len(files)):
-        for j in range(i + 1, len(files)):
-            truth = se3.inverse(poses[i]) @ poses[j]
+    if not (data / "fragments-exact").is_dir():
+        return
+    frames = datasets.open_sequence(data / "fragments-exact").frames
+    read = [frame.load() for frame in frames]
+    for i, target in enumerate(frames):
+        for j, source in enumerate(frames[i + 1 :], i + 1):
+            truth = protocol.true_transformation(source.pose, target.pose)
             overlap = protocol.overlap(read[j], read[i], truth)
             if overlap >= 0.1:
                 yield JudgedPair(
-                    f"{files[i].stem[-2:]}-{files[j].stem[-2:]}",
+                    f"{target.index:02d}-{source.index:02d}",
                     "fragments",
-                    clouds[j],
-                    clouds[i],
+                    source.load,
+                    target.load,
                     truth,
                     overlap,
-                    Criterion(),
+                    Bounds(),
                     bare=True,
                 )
 
 
-def views(data: Path, name: str, criterion: Criterion, least: float) -> Iterator[JudgedPair]:
+def views(
+    data: Path, name: str, criterion: datasets.Criterion, least: float
+) -> Iterator[JudgedPair]:
     """Yield every source frame that overlaps one of the targets enough."""
     folder = data / name
     if not folder.is_dir():
@@ -266,26 +192,23 @@ def views(data: Path, name: str, criterion: Criterion, least: float) -> Iterator
 
 def real(data: Path) -> Iterator[JudgedPair]:
     """Yield the pairs of public projects, each with its own size, tolerance and sensor."""
-    for folder in sorted(path.parent for path in (data / "real").glob("*/meta.json")):
-        about = json.loads((folder / "meta.json").read_text(encoding="utf-8"))
-        camera, viewpoint, size = about["camera"], about["viewpoint"], about["size"]
-        known = [None if value is None else tuple(value) for value in (camera, viewpoint)]
-        source, target = (Points(folder / f"{end}.npz", *known) for end in ("source", "target"))
-        truth = np.loadtxt(folder / "gt.txt")
-        cloud = source()
-        metres, degrees = about["tol"] or (SHARE * size, DEGREES)
+    if not (data / "real").is_dir():
+        return
+    for pair in datasets.open_dataset(data / "real").pairs:
+        about = json.loads((data / "real" / pair.scene / "meta.json").read_text(encoding="utf-8"))
+        source, target = pair.source_scan.load(), pair.target_scan.load()
         yield JudgedPair(
-            folder.name,
-            folder.name[0],
-            source,
-            target,
-            truth,
-            protocol.overlap(cloud, target(), truth),
-            Criterion(metres, np.radians(degrees), cloud.observed_points.mean(axis=0)),
-            unit=1.0 if about["room"] else size,
+            pair.scene,
+            pair.scene[0],
+            pair.source_scan.load,
+            pair.target_scan.load,
+            pair.truth,
+            protocol.overlap(source, target, pair.truth),
+            pair.criterion,
+            unit=pair.unit,
             # 0.05 m for a fragment of 1.25 m.
-            voxel=0.04 * size,
-            bare=camera is None and viewpoint is None,
+            voxel=0.04 * about["size"],
+            bare=source.viewpoint is None,
             near=about["identity"],
         )
 
@@ -294,9 +217,9 @@ JUDGES: dict[str, Callable[[Path], Iterator[JudgedPair]]] = {
     "3dmatch": lambda data: benchmark_3dmatch(data, "3DMatch"),
     "3dlomatch": lambda data: benchmark_3dmatch(data, "3DLoMatch"),
     "fragments-exact": fragments,
-    "kitchen-exact": lambda data: views(data, "kitchen-exact", Criterion(), 0.1),
-    "tabletop-exact": lambda data: views(data, "tabletop-exact", Criterion(), 0.1),
-    "kitchen-real": lambda data: views(data, "kitchen-real", Criterion(0.075, 0.1), 0.1),
+    "kitchen-exact": lambda data: views(data, "kitchen-exact", Bounds(), 0.1),
+    "tabletop-exact": lambda data: views(data, "tabletop-exact", Bounds(), 0.1),
+    "kitchen-real": lambda data: views(data, "kitchen-real", Bounds(0.075, 0.1), 0.1),
     "real-far": lambda data: (pair for pair in real(data) if not pair.near),
     "real-near": lambda data: (pair for pair in real(data) if pair.near),
 }

@@ -196,10 +196,10 @@ def do(run: Run) -> dict[str, object]:
         except Exception as error:  # an answer like any other
             return row | {"right": 0, "failure": f"{type(error).__name__}: {error}"[:200]}
         seconds, used = time.perf_counter() - begun, time.process_time() - used
-        metres, radians = pair.criterion.errors(found.transformation, pair.truth)
+        right, metres, radians = pair.outcome(found.transformation)
     told = "" if found.confidence is None else f"{found.confidence:.4f}"
     return row | {
-        "right": int(pair.criterion.right(found.transformation, pair.truth)),
+        "right": int(right),
         "error_m": f"{metres:.6g}",
         "error_rad": f"{radians:.6g}",
         "confidence": told,
