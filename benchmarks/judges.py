@@ -91,6 +91,8 @@ class JudgedPair:
         metres, radians = se3.error(pose, self.truth)
         if isinstance(self.criterion, datasets.MatchedRmse):
             metres = self.criterion.error(pose, self.truth)
+        elif isinstance(self.criterion, datasets.Tolerance):
+            metres, radians = self.criterion.errors(pose, self.truth, centroid)
         return self.criterion.right(pose, self.truth, centroid), metres, radians
 
     def start(self, start: protocol.Start) -> np.ndarray:

@@ -215,4 +215,10 @@ def test_a_report_names_the_criterion_and_the_missing_start(evaluated: Path) -> 
     assert "from none" not in page
     assert "started none" not in page
     assert "root mean square error of the pair" in files.summary[0]
-    assert (evaluated / "figures" / "worst-1.png").is_file()
+
+
+def test_the_worst_pairs_of_a_list_are_drawn_again(scenes: Path, tmp_path: Path) -> None:
+    pytest.importorskip("jinja2")
+    evaluate(Configuration(str(scenes), methods=("x84",), peers=(), pairs=1), tmp_path, workers=1)
+    write_report(tmp_path, worst=1)
+    assert (tmp_path / "figures" / "worst-1.png").is_file()

@@ -83,8 +83,12 @@ class Tolerance:
     distance: float
     radians: float
 
+    def errors(self, estimate: Array, truth: Array, centroid: Array) -> tuple[float, float]:
+        """Return how far the centroid ends from where it belongs, and the turn in radians."""
+        ends = [se3.transform(pose, centroid[None])[0] for pose in (estimate, truth)]
+        return float(np.linalg.norm(ends[0] - ends[1])), se3.error(estimate, truth)[1]
+
     def right(self, estimate: Array, truth: Array, centroid: Array) -> bool:
         """Tell whether both are kept."""
-        ends = [se3.transform(pose, centroid[None])[0] for pose in (estimate, truth)]
-        _, radians = se3.error(estimate, truth)
-        return bool(np.linalg.norm(ends[0] - ends[1]) <= self.distance and radians <= self.radians)
+        distance, radians = self.errors(estimate, truth, centroid)
+        return distance <= self.distance and radians <= self.radians

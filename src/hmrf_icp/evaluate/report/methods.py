@@ -32,8 +32,8 @@ LABELS = {
     "fricp": "Fast and Robust ICP",
     "fricp-plane": "Fast and Robust ICP, point-to-plane",
     "kiss-gicp": "KISS-Matcher, then GICP",
-    "fpfh": "FPFH, RANSAC",
-    "fpfh-gicp": "FPFH, RANSAC, then GICP",
+    "fpfh": "FPFH and RANSAC",
+    "fpfh-gicp": "FPFH and RANSAC, then GICP",
 }
 """The paper's legend, and the peers in words; other names are shown as they are."""
 
