@@ -15,7 +15,7 @@ from hmrf_icp.errors import HmrfIcpError, InputError
 
 if TYPE_CHECKING:
     from hmrf_icp.cli.evaluation_bar import EvaluationBar
-    from hmrf_icp.evaluate import Configuration
+    from hmrf_icp.evaluate import Configuration, Start
 
 QUICK_PAIRS = 12
 """Of ``--quick``."""
@@ -184,7 +184,6 @@ def evaluate(
     from hmrf_icp.cli.evaluation_bar import EvaluationBar
     from hmrf_icp.evaluate import Configuration
     from hmrf_icp.evaluate import evaluate as run
-    from hmrf_icp.evaluate.angles import parse_start
 
     configuration = Configuration(
         dataset,
@@ -192,9 +191,7 @@ def evaluate(
         peers=_names(peers, everyone="all"),
         targets=_numbers(reference_frame),
         frames_per_decile=frames_per_decile,
-        starts=None
-        if angles is None
-        else tuple(parse_start(word, translation) for word in _words(angles)),
+        starts=_starts(angles, translation),
         axes=(1 if quick else 16) if axes is None else axes,
         subsample=subsample,
         points_alone=points_alone,
@@ -217,6 +214,15 @@ def evaluate(
         )
     _print_standings(done.folder)
     _report(done.folder)
+
+
+def _starts(angles: list[str] | None, translation: float) -> tuple[Start, ...] | None:
+    """Read the starts; None where nothing is said of them, which leaves them to the data set."""
+    from hmrf_icp.evaluate.angles import parse_start
+
+    if angles is None and translation == 0:
+        return None
+    return tuple(parse_start(word, translation) for word in _words(angles or ["pi/30"]))
 
 
 def _words(values: list[str]) -> list[str]:
