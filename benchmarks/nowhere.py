@@ -95,7 +95,7 @@ def fpfh_ransac(source: np.ndarray, target: np.ndarray, voxel: float) -> np.ndar
     o3d.utility.random.seed(0)
     thinned, features = [], []
     for points in (source, target):
-        cloud = o3d.geometry.PointCloud(o3d.utility.Vector3dVector(points))
+        cloud = o3d.geometry.PointCloud(o3d.utility.Vector3dVector(np.array(points)))
         cloud = cloud.voxel_down_sample(voxel)
         cloud.estimate_normals(o3d.geometry.KDTreeSearchParamHybrid(radius=2 * voxel, max_nn=30))
         around = o3d.geometry.KDTreeSearchParamHybrid(radius=5 * voxel, max_nn=100)

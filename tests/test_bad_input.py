@@ -52,7 +52,7 @@ def few(count):
         (np.zeros((4, 5)), r"expected shape \(N, 3\) or \(H, W, 3\), got \(4, 5\)"),
         (np.zeros((4, 5, 4)), r"got \(4, 5, 4\)"),
         (np.zeros(30), r"got \(30,\)"),
-        (5, r"got \(\)"),
+        (5, "got int"),
         ("cloud.ply", "no such file"),
         (None, "source|target"),
         ([[1, 2, 3], [4, 5]], "expected a PointCloud"),
@@ -162,7 +162,8 @@ def test_no_inliers_end_the_registration_with_a_warning_and_without_nan(clouds):
         result = register(source, target, rejector=NobodyIsAnInlier())
     assert not result.converged
     assert result.iterations == 0
-    assert result.overlap == 0.0
+    assert result.fitness == 0.0
+    assert result.correspondence_set.shape == (0, 2)
     assert result.inlier_rmse == 0.0
     np.testing.assert_array_equal(result.transformation, np.eye(4))
 
@@ -183,7 +184,7 @@ def test_no_em_steps_leave_the_first_guess(clouds):
     frozen = replace(presets.PAPER.reject, first_steps=0, steps=0)
     result = register(source, target, rejector=frozen)
     assert result.em_iterations == 0
-    assert result.overlap == pytest.approx(0.9, abs=0.01)
+    assert result.fitness == pytest.approx(0.9, abs=0.01)
 
 
 # Depth maps and cameras ------------------------------------------------------------------------

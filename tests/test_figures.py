@@ -1,5 +1,6 @@
 """The picture of a registration shows what happened, and its file is whole or not there."""
 
+import copy
 import sys
 from dataclasses import replace
 
@@ -62,9 +63,17 @@ def test_the_picture_has_its_size_and_shows_both_clouds_in_their_colours(registe
     assert list(tmp_path.iterdir()) == [tmp_path / "a.png"]
 
 
+def labelled(result, probability):
+    """The result with one label for every point."""
+    found = copy.deepcopy(result.correspondences)
+    same = np.full_like(found.matched.probability, probability)
+    found.__dict__["matched"] = found.matched._replace(probability=same)
+    return replace(result, correspondences=found)
+
+
 def test_before_and_after_differ_by_the_motion_alone(registered, tmp_path):
     source, target, result, _ = registered
-    sure = replace(result, inlier_probability=np.where(source.observed, 1.0, np.nan))
+    sure = labelled(result, 1.0)
     registration_figure(source, target, sure, tmp_path / "a.png", result.transformation)
     upper = picture(tmp_path / "a.png")[60:600]
     left, right = upper[:, 30:815], upper[:, 838:1623]
@@ -78,9 +87,7 @@ def test_outliers_are_light_and_inliers_dark(registered, tmp_path):
     source, target, result, init = registered
     shares = []
     for probability in (0.0, 1.0):
-        field = np.where(source.observed, probability, np.nan)
-        labelled = replace(result, inlier_probability=field)
-        registration_figure(source, target, labelled, tmp_path / "a.png", init)
+        registration_figure(source, target, labelled(result, probability), tmp_path / "a.png", init)
         right_panel = picture(tmp_path / "a.png")[60:560, 840:1620]
         shares.append(hues(np.concatenate([right_panel, right_panel]))[1])
     assert shares[0] < 0.005 < shares[1] / 4

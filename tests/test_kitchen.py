@@ -74,7 +74,7 @@ def test_a_whole_vga_pair_is_registered_and_its_result_holds_together(shared):
     np.testing.assert_array_equal(np.isnan(result.inlier_probability), ~source.observed)
     np.testing.assert_array_equal(np.isnan(result.distance), ~source.observed)
     inlier = result.inlier_probability[source.observed] > 0.5
-    assert result.overlap == inlier.mean()
+    assert result.fitness == inlier.mean()
     kept = result.distance[source.observed][inlier]
     assert result.inlier_rmse == pytest.approx(np.sqrt(np.mean(kept**2)))
     # The distances are those to the target after the motion that is returned.

@@ -96,7 +96,7 @@ def test_every_variant_finds_the_motion(name):
     translation, rotation = se3.error(result.transformation, synthetic.TRUTH)
     assert translation < 0.03
     assert rotation < 0.03
-    assert result.overlap == pytest.approx(0.6, abs=0.07)
+    assert result.fitness == pytest.approx(0.6, abs=0.07)
 
 
 def test_clouds_without_a_grid_have_a_field_too():
@@ -107,7 +107,7 @@ def test_clouds_without_a_grid_have_a_field_too():
     translation, rotation = se3.error(result.transformation, synthetic.TRUTH)
     assert translation < 0.03
     assert rotation < 0.03
-    assert result.overlap == pytest.approx(0.6, abs=0.07)
+    assert result.fitness == pytest.approx(0.6, abs=0.07)
     by_name = hmrf_icp.register(
         *unorganised(source, target), preset="paper", rejector="field", criteria=PATIENT
     )

@@ -38,7 +38,7 @@ def test_the_example_runs_and_finds_the_pose(capsys):
     assert result.converged
     assert result.inlier_probability.shape == names["source"].shape == (120, 160)
     assert result.transformation.dtype == np.float64
-    assert "RegistrationResult(converged" in capsys.readouterr().out
+    assert "Registration: to be believed, confidence 0.9" in capsys.readouterr().out
 
 
 def test_the_two_commands_stand_there_word_for_word():

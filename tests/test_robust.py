@@ -11,6 +11,7 @@ import shapes
 from hmrf_icp import presets, se3
 from hmrf_icp.clouds.prepared import PreparedCloud
 from hmrf_icp.clouds.surface import evenly
+from hmrf_icp.loop.align import Step
 from hmrf_icp.loop.match import NearestNeighbour
 from hmrf_icp.loop.placed import Placed
 from hmrf_icp.search.confidence import confidence
@@ -221,9 +222,19 @@ def test_the_less_a_direction_is_known_the_less_is_believed():
     assert found[-1] == confidence(visibility) > 0.9
     assert found[1] < 0.5
     unseen = replace(visibility, views=False)
-    assert (
-        0.0
-        < confidence(unseen, 0.5)
-        < confidence(unseen)
-        == pytest.approx(unseen.agree / unseen.asked)
-    )
+    assert 0.0 < confidence(unseen, 0.5) < confidence(unseen) < 1.0
+
+
+class WalksOff:
+    """An aligner that leads away from wherever it is."""
+
+    def prepare(self, source, target):
+        return lambda placed, matches, labels: Step(se3.rigid(np.eye(3), [0.0, 0.0, 0.05]))
+
+
+def test_what_ends_less_likely_than_it_began_is_not_returned():
+    truth = true_motion(4, 0)
+    result = hmrf_icp.register(frame(4), frame(0), truth, aligner=WalksOff())
+    assert se3.error(result.transformation, truth)[0] < 0.02
+    assert not result.converged
+    assert result.believed

@@ -85,6 +85,21 @@ def test_a_pose_with_few_decimals_is_cleaned():
     np.testing.assert_allclose(cleaned, pose, atol=1e-3)
 
 
+@given(TWIST)
+@settings(max_examples=100, deadline=None)
+def test_three_decimals_are_enough_for_any_pose(twist):
+    pose = se3.exp(twist)
+    cleaned = se3.as_rigid(pose.round(3))
+    np.testing.assert_allclose(cleaned[:3, :3].T @ cleaned[:3, :3], np.eye(3), atol=1e-14)
+    np.testing.assert_allclose(cleaned, pose, atol=2e-3)
+
+
+def test_a_scale_of_a_fifth_of_a_percent_is_refused_and_the_distance_said():
+    scaled = np.diag([1.002, 1.002, 1.002, 1.0])
+    with pytest.raises(InputError, match=r"off the identity by 0\.004, three decimals by 0\.002"):
+        se3.as_rigid(scaled)
+
+
 def test_no_pose_is_the_identity_and_the_argument_is_left_alone():
     np.testing.assert_array_equal(se3.as_rigid(None), np.eye(4))
     pose = np.eye(4)

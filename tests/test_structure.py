@@ -17,8 +17,8 @@ pytestmark = pytest.mark.skipif(
 )
 
 FLOORS = (
-    ("errors", "kernels"),
-    ("se3",),
+    ("errors", "frozen", "kernels"),
+    ("se3", "threads"),
     ("clouds",),
     ("io", "synthetic"),
     ("loop",),

@@ -2,6 +2,9 @@
 
 from __future__ import annotations
 
+from collections.abc import Iterator
+from contextlib import contextmanager
+
 
 class HmrfIcpError(Exception):
     """Base of every error this package raises on purpose."""
@@ -21,3 +24,17 @@ class MissingDependencyError(HmrfIcpError, ImportError):
 
 class RegistrationWarning(UserWarning):
     """The registration ran, on input that looks like a mistake (units mixed up, say)."""
+
+
+@contextmanager
+def interruptible() -> Iterator[None]:
+    """Let Ctrl-C come out as KeyboardInterrupt, also where a compiled loop met it.
+
+    Numba looks for signals when a loop returns, and wraps what it finds.
+    """
+    try:
+        yield
+    except SystemError as error:
+        if isinstance(error.__cause__, KeyboardInterrupt):
+            raise KeyboardInterrupt from None
+        raise

@@ -31,6 +31,7 @@ class Registrar(Protocol):
         source: PreparedCloud,
         target: PreparedCloud,
         init: NDArray[np.float64],
+        near: bool = True,
         on_iteration: Callable[[Iteration], None] | None = None,
     ) -> LoopResult | SearchResult:
         """Register from ``init`` (4, 4)."""
@@ -140,3 +141,31 @@ def aligner(name: str) -> Aligner:
     if name not in _ALIGNERS:
         raise InputError(f"aligner: unknown {name!r}, expected one of {', '.join(aligner_names())}")
     return _ALIGNERS[name]()
+
+
+def method(
+    preset: str | Registrar,
+    rejector: str | Rejector | None = None,
+    aligner: str | Aligner | None = None,
+    criteria: StoppingRule | None = None,
+) -> Registrar:
+    """Put a method together from names, or from parts of one's own.
+
+    Raises
+    ------
+    InputError
+        There is none of that name, or the preset is no method.
+    """
+    chosen = _preset(preset) if isinstance(preset, str) else preset
+    if not isinstance(chosen, Registrar):
+        raise InputError(
+            f"preset: unknown {preset!r}, expected a method or one of {', '.join(names())}"
+        )
+    return chosen.with_parts(
+        reject=_rejector(rejector) if isinstance(rejector, str) else rejector,
+        align=_aligner(aligner) if isinstance(aligner, str) else aligner,
+        criteria=criteria,
+    )
+
+
+_preset, _rejector, _aligner = preset, rejector, aligner

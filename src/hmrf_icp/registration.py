@@ -6,36 +6,49 @@ import os
 import time
 import warnings
 from collections.abc import Callable
+from typing import Literal, TypeAlias, get_args
 
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
-from hmrf_icp import presets, se3
-from hmrf_icp.clouds.cloud import PointCloudLike, some_of
+from hmrf_icp import presets, se3, threads
+from hmrf_icp.clouds.cloud import LARGEST_COORDINATE, PointCloudLike, some_of
 from hmrf_icp.clouds.prepared import PreparedCloud, prepare
-from hmrf_icp.errors import InputError, RegistrationWarning
+from hmrf_icp.clouds.sensor_view import SensorView
+from hmrf_icp.errors import InputError, RegistrationWarning, interruptible
 from hmrf_icp.loop.align import Aligner
+from hmrf_icp.loop.correspondences import Correspondences
 from hmrf_icp.loop.criteria import StoppingRule
-from hmrf_icp.loop.degeneracy import FreeMotion
-from hmrf_icp.loop.icp import Iteration, LoopResult, rms
-from hmrf_icp.loop.reject import Rejector
+from hmrf_icp.loop.degeneracy import FreeMotion, about_another, about_origin
+from hmrf_icp.loop.icp import Iteration, LoopResult
+from hmrf_icp.loop.match import Matches
+from hmrf_icp.loop.reject import Labels, Rejector
 from hmrf_icp.presets import AlignerName, PresetName, Registrar, RejectorName
 from hmrf_icp.result import RegistrationResult
 from hmrf_icp.search.coarse_to_fine import SearchResult
+
+Registrable: TypeAlias = PreparedCloud | PointCloudLike | str | os.PathLike[str]
+"""A cloud, anything that is taken for one, or the file that it is in."""
+
+Where: TypeAlias = Literal["auto", "near", "everywhere"]
+"""Where the pose is looked for."""
 
 UNIT_MIX_UP = 100.0
 """Ratio of the sizes of two clouds above which metres and millimetres were probably mixed up."""
 
 
 def register(
-    source: PreparedCloud | PointCloudLike | str | os.PathLike[str],
-    target: PreparedCloud | PointCloudLike | str | os.PathLike[str],
+    source: Registrable,
+    target: Registrable,
     init: ArrayLike | None = None,
     *,
     preset: PresetName | Registrar = presets.DEFAULT,
     rejector: RejectorName | Rejector | None = None,
     aligner: AlignerName | Aligner | None = None,
     criteria: StoppingRule | None = None,
+    viewpoint: ArrayLike | Literal["auto"] | None = "auto",
+    search: Where = "auto",
+    num_threads: int | None = None,
     on_iteration: Callable[[Iteration], None] | None = None,
 ) -> RegistrationResult:
     """Find the rigid motion that takes ``source`` onto ``target``.
@@ -50,7 +63,8 @@ def register(
     target
         The cloud that stays (the paper's fixed cloud), of any kind.
     init
-        (4, 4) rigid motion to start from, source to target; None for the identity.
+        (4, 4) rigid motion to start from, source to target: the pose is looked for near it.
+        None means that nothing is known: the identity is tried, and then everywhere.
     preset
         Name of a method (:func:`hmrf_icp.presets.names`), or one of your own.
     rejector
@@ -61,8 +75,24 @@ def register(
         aligner of your own, in place of the method's.
     criteria
         When to stop, in place of the method's.
+    viewpoint
+        (3,) where the sensor of both clouds stood, each in its own frame, metres, for those
+        that do not say so themselves. ``"auto"`` recovers it from the points, or the camera
+        from the grid, and assumes the likeliest place where that fails; None does without.
+        :attr:`RegistrationResult.source_view` says what was used. A cloud that was prepared
+        has been asked already.
+    search
+        ``"near"`` the start, the identity where none is given; ``"everywhere"``, with the
+        start as one hypothesis among others; ``"auto"``, near a start that is given and
+        everywhere without. A method that is Algorithm 1 alone always stays near.
+    num_threads
+        Threads that look for neighbours, at most the cores that this process may use, which
+        is also the default. The result is the same with any number, and none of them
+        outlives the call.
     on_iteration
-        Called with an :class:`Iteration` after each.
+        Called with an :class:`Iteration` after each, for progress. The default runs
+        Algorithm 1 from several candidates: it is called for those of all of them, and
+        the ``history`` of the result holds those that led to the pose returned.
 
     Raises
     ------
@@ -72,8 +102,11 @@ def register(
     Warns
     -----
     RegistrationWarning
-        The sizes of the clouds differ so much that their units probably do, or
-        so few inliers were left that no motion could be found from them.
+        The pose is more likely wrong than right (a confidence below 0.5), the sizes of
+        the clouds differ so much that their units probably do, some points stand for
+        "nothing measured", so few inliers were
+        left that no motion could be found from them, or a method that is EM to its end
+        (``"paper"``) converged although the labels of its last decision had not settled.
 
     Examples
     --------
@@ -87,51 +120,113 @@ def register(
     >>> bool(np.allclose(result.transformation, shift, atol=1e-6))
     True
     """
+    with threads.using(num_threads), interruptible():
+        return _register(
+            source,
+            target,
+            init,
+            viewpoint,
+            presets.method(preset, rejector, aligner, criteria),
+            search,
+            on_iteration,
+            stacklevel=3,
+        )
+
+
+def _register(
+    source: Registrable,
+    target: Registrable,
+    init: ArrayLike | None,
+    viewpoint: ArrayLike | Literal["auto"] | None,
+    method: Registrar,
+    search: Where,
+    on_iteration: Callable[[Iteration], None] | None,
+    stacklevel: int,
+) -> RegistrationResult:
+    from hmrf_icp.kernels.compilation import Compilation
+
     started = time.perf_counter()
     moving, fixed = (
-        prepare(_read(cloud, name), name)
+        prepare(_read(cloud, name), name, viewpoint)
         for cloud, name in ((source, "source"), (target, "target"))
     )
     start = se3.as_rigid(init, "init")
-    warn_of_units(moving, fixed)
-
-    chosen = presets.preset(preset) if isinstance(preset, str) else preset
-    if not isinstance(chosen, Registrar):
+    far = float(np.abs(start[:3, 3]).max())
+    if far > LARGEST_COORDINATE:
         raise InputError(
-            f"preset: unknown {preset!r}, expected a method or one of {', '.join(presets.names())}"
+            f"init: a translation of {far:.3g} m; expected at most {LARGEST_COORDINATE:g} m"
         )
-    method = chosen.with_parts(
-        reject=presets.rejector(rejector) if isinstance(rejector, str) else rejector,
-        align=presets.aligner(aligner) if isinstance(aligner, str) else aligner,
-        criteria=criteria,
-    )
-    found = method.run(moving, fixed, between_origins(start, moving, fixed), on_iteration)
-    judged = found if isinstance(found, SearchResult) else None
+    if search not in get_args(Where):
+        raise InputError(
+            f"search: unknown {search!r}, expected one of {', '.join(get_args(Where))}"
+        )
+    for name, cloud in (("source", moving), ("target", fixed)):
+        for note in cloud.cloud.notes:
+            warnings.warn(f"{name}: {note}", RegistrationWarning, stacklevel=stacklevel)
+    warn_of_units(moving, fixed, stacklevel + 1)
+    near = init is not None if search == "auto" else search == "near"
+    begin = between_origins(start, moving, fixed)
+    with Compilation() as compilation:
+        found = method.run(moving, fixed, begin, near, on_iteration)
+    seconds = time.perf_counter() - started - compilation.seconds
     loop = found.loop if isinstance(found, SearchResult) else found
-    inlier = loop.labels.inlier
     if loop.stuck:
+        inlier = loop.labels.inlier
         warnings.warn(
             f"stopped after {len(loop.history)} iterations: {np.count_nonzero(inlier)} inliers "
             f"among {inlier.size} points do not determine a motion; is the start too far off?",
             RegistrationWarning,
-            stacklevel=2,
+            stacklevel=stacklevel,
         )
-    on_grid = moving.cloud.on_grid
+    elif isinstance(found, LoopResult) and loop.converged and not loop.labels.em_converged:
+        warnings.warn(
+            f"EM of the last decision stopped after {loop.labels.em_iterations} steps, before its "
+            "labels settled; more steps of the rejector would",
+            RegistrationWarning,
+            stacklevel=stacklevel,
+        )
+    result = described(found, moving, fixed, seconds)
+    if result.confidence is not None and not result.believed:
+        warnings.warn(
+            f"confidence {result.confidence:.2f}: the pose is more likely wrong than right; "
+            f"{result.advice}",
+            RegistrationWarning,
+            stacklevel=stacklevel,
+        )
+    return result
+
+
+def described(
+    found: LoopResult | SearchResult, source: PreparedCloud, target: PreparedCloud, seconds: float
+) -> RegistrationResult:
+    """Say what was found of the prepared clouds in the frames that these were given in."""
+    searched = found if isinstance(found, SearchResult) else None
+    loop = found.loop if isinstance(found, SearchResult) else found
+
+    def seen_from(cloud: PreparedCloud) -> SensorView:
+        return (cloud if searched is None else searched.plan.viewed(cloud)).seen_from
+
+    def decide(matches: Matches) -> Labels:
+        return loop.labels if searched is None else searched.labels(source, target, matches)
+
+    middle = se3.transform(loop.transformation, source.points.mean(axis=0))
+    information = None if loop.last is None else loop.last.information
     return RegistrationResult(
-        transformation=between_frames(loop.transformation, moving, fixed),
-        inlier_probability=on_grid(loop.labels.probability),
-        distance=on_grid(loop.matches.distance),
+        transformation=between_frames(loop.transformation, source, target),
         converged=loop.converged,
         iterations=len(loop.history),
         em_iterations=loop.em_iterations,
-        overlap=float(inlier.mean()),
-        inlier_rmse=rms(loop.matches.distance[inlier]),
-        seconds=time.perf_counter() - started,
+        seconds=seconds,
         history=loop.history,
-        information=None if loop.last is None else loop.last.information,
-        degenerate=free_motions(loop),
-        confidence=None if judged is None else judged.confidence,
-        visibility=None if judged is None else judged.visibility,
+        # About a point: the same in both frames.
+        information=None if information is None else about_origin(information, -middle),
+        centre=middle + target.origin,
+        degenerate=free_motions(loop, target),
+        confidence=None if searched is None else searched.confidence,
+        visibility=None if searched is None else searched.visibility,
+        source_view=seen_from(source),
+        target_view=seen_from(target),
+        correspondences=Correspondences(source, target, loop.transformation, decide),
     )
 
 
@@ -153,9 +248,7 @@ def between_frames(
     return moved
 
 
-def _read(
-    cloud: PreparedCloud | PointCloudLike | str | os.PathLike[str], name: str
-) -> PreparedCloud | PointCloudLike:
+def _read(cloud: Registrable, name: str) -> PreparedCloud | PointCloudLike:
     """Read a cloud that is given as a file."""
     if not isinstance(cloud, str | os.PathLike):
         return cloud
@@ -167,14 +260,15 @@ def _read(
         raise InputError(f"{name}: {error}") from None
 
 
-def free_motions(loop: LoopResult) -> tuple[FreeMotion, ...]:
-    """Describe what the last step left unmoved."""
+def free_motions(loop: LoopResult, target: PreparedCloud) -> tuple[FreeMotion, ...]:
+    """Describe what the last step left unmoved, in the frame that the target was given in."""
     if loop.last is None or loop.last.degenerate is None:
         return ()
-    return tuple(FreeMotion(twist) for twist in loop.last.degenerate)
+    moved = [about_another(twist, target.origin) for twist in loop.last.degenerate]
+    return tuple(FreeMotion(twist) for twist in moved)
 
 
-def warn_of_units(source: PreparedCloud, target: PreparedCloud) -> None:
+def warn_of_units(source: PreparedCloud, target: PreparedCloud, stacklevel: int) -> None:
     """Warn where one cloud is a hundred times the size of the other, or more."""
     sizes = [
         float(np.median(np.linalg.norm(points - np.median(points, axis=0), axis=1)))
@@ -186,5 +280,5 @@ def warn_of_units(source: PreparedCloud, target: PreparedCloud) -> None:
             f"source spreads over {sizes[0]:.3g} and target over {sizes[1]:.3g} (median distance "
             "from the centre): one is probably in millimetres and the other in metres",
             RegistrationWarning,
-            stacklevel=3,
+            stacklevel=stacklevel,
         )

@@ -2,47 +2,55 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 
 import numpy as np
 from numpy.typing import NDArray
 
+from hmrf_icp import se3
+from hmrf_icp.clouds.sensor_view import SensorView
+from hmrf_icp.frozen import same
+from hmrf_icp.loop.correspondences import Correspondences
 from hmrf_icp.loop.degeneracy import FreeMotion
-from hmrf_icp.loop.icp import Iteration
+from hmrf_icp.loop.icp import Iteration, rms
 from hmrf_icp.search.visibility import Visibility
+
+BELIEVED = 0.5
+"""Confidence from which a pose is believed: more likely right than not."""
 
 
 @dataclass(frozen=True, eq=False)
 class RegistrationResult:
     """The motion that was found and the evidence for it.
 
+    Look at :attr:`believed` first. What there is one of for each point
+    (:attr:`distance`, :attr:`inlier_probability`, :attr:`correspondence_set`), and what is
+    worked out from it (:attr:`overlap`, :attr:`fitness`, :attr:`inlier_rmse`), is of all
+    points given and of the pose returned. It is worked out when it is first asked for,
+    and both clouds are kept until then; a copy or a pickle holds the numbers alone.
+
     Attributes
     ----------
     transformation
         (4, 4) float64, source to target, the start included.
-    inlier_probability
-        (H, W) or (N,), P(Z = +1) of each source point, NaN where unobserved.
-    distance
-        (H, W) or (N,), distance of each moved source point to the closest
-        target point, metres, NaN where unobserved.
     converged
-        Whether the last step was below the criteria.
+        Whether the last step was below the criteria. That says that the steps became
+        small and not that the pose is right: see :attr:`believed`.
     iterations, em_iterations
-        ICP iterations, and EM steps in all of them together.
-    overlap
-        Share of the observed source points with P(Z = +1) > 1/2.
-    inlier_rmse
-        Root mean square distance over those points, metres; 0 where there are none.
+        ICP iterations that led to the pose, and EM steps in all of them together. Of a search,
+        those of the candidate that won.
     seconds
-        Wall-clock time of the registration.
+        Wall-clock time of the registration, without that of compiling anything.
     history
-        One :class:`hmrf_icp.Iteration` an iteration.
+        One :class:`hmrf_icp.Iteration` for each of ``iterations``, numbered from 1.
     information
-        (6, 6) float64, the inverse covariance of the error of ``transformation``
-        as a twist, rotation (rad) first, then translation (m): the true motion is
-        ``se3.exp(twist) @ transformation``, the twist in the target's frame and
-        about its origin. Zero along what is free. None where the metric does not
-        know the noise (point-to-point) or nothing was moved.
+        (6, 6) float64, the inverse covariance of the error of ``transformation`` as a
+        twist about ``centre``, rotation (rad) first, then translation (m), along the
+        target's axes: the true motion is ``se3.about(twist, centre) @ transformation``.
+        Zero along what is free. None where the metric does not know the noise
+        (point-to-point) or nothing was moved.
+    centre
+        (3,) the centroid of the source's points under ``transformation``, in the target's frame.
     degenerate
         One :class:`hmrf_icp.FreeMotion` for each direction in which the matched surfaces
         slide on each other, such as the three of a bare wall: the motion along
@@ -53,27 +61,156 @@ class RegistrationResult:
         sensors saw of it; None for a method that does not ask (``"paper"``).
     visibility
         What they saw, a :class:`hmrf_icp.Visibility`; None likewise.
+    source_view, target_view
+        How it is known where each was seen from: given, recovered from its points, assumed, or
+        not at all; printed, it says so with the numbers.
+    correspondences
+        What the properties below are read from.
+
+    Examples
+    --------
+    >>> import numpy as np
+    >>> import hmrf_icp
+    >>> points = np.random.default_rng(0).uniform(-1.0, 1.0, size=(3000, 3))
+    >>> points[:, 2] = 0.2 * np.sin(4.0 * points[:, 0]) + 0.3 * np.cos(3.0 * points[:, 1])
+    >>> result = hmrf_icp.register(points - [0.02, 0.0, 0.01], points)
+    >>> result.believed, round(result.overlap, 2), round(result.fitness, 2)
+    (True, 1.0, 1.0)
+    >>> result.correspondence_set.shape
+    (3000, 2)
     """
 
     transformation: NDArray[np.float64]
-    inlier_probability: NDArray[np.float64]
-    distance: NDArray[np.float64]
     converged: bool
     iterations: int
     em_iterations: int
-    overlap: float
-    inlier_rmse: float
-    seconds: float
+    seconds: float = field(compare=False)
     history: tuple[Iteration, ...]
-    information: NDArray[np.float64] | None = None
-    degenerate: tuple[FreeMotion, ...] = ()
-    confidence: float | None = None
-    visibility: Visibility | None = None
+    information: NDArray[np.float64] | None
+    centre: NDArray[np.float64]
+    degenerate: tuple[FreeMotion, ...]
+    confidence: float | None
+    visibility: Visibility | None
+    source_view: SensorView
+    target_view: SensorView
+    correspondences: Correspondences = field(repr=False)
+
+    @property
+    def believed(self) -> bool:
+        """Whether the pose is to be believed: ``confidence`` is 0.5 or more.
+
+        Where a method gives no confidence, whether it converged, which is less: it may
+        have converged to a wrong pose. A search that ran out of iterations at a pose
+        that convinces is believed; it is the pose that is right or wrong.
+        """
+        return self.converged if self.confidence is None else self.confidence >= BELIEVED
+
+    @property
+    def verdict(self) -> str:
+        """Whether the pose is to be believed, in a few words with the number."""
+        if self.confidence is None:
+            state = "converged" if self.converged else "did not converge"
+            return f"{state} (this method gives no confidence)"
+        words = "to be believed" if self.believed else "NOT convincing"
+        return f"{words}, confidence {self.confidence:.2f}"
+
+    @property
+    def advice(self) -> str | None:
+        """What to try where the pose is not believed; None where it is."""
+        if self.believed:
+            return None
+        if self.confidence is None:
+            return "try a start nearer to the true pose, more iterations or another preset"
+        unknown = [
+            name
+            for name, view in (("source", self.source_view), ("target", self.target_view))
+            if not view.known
+        ]
+        if unknown:
+            return (
+                f"say where the sensor of {' and '.join(unknown)} stood (a camera, or a "
+                "viewpoint), or try a start nearer to the true pose"
+            )
+        return "try a start nearer to the true pose, or views that share more"
+
+    @property
+    def inlier_probability(self) -> NDArray[np.float64]:
+        """(H, W) or (N,), P(Z = +1) of each source point, NaN where unobserved.
+
+        Of a search, the field decides once more, for all points under the pose returned.
+        Of any other method it is the decision that the last motion was found with.
+        """
+        return self.correspondences.on_grid(self.correspondences.matched.probability)
+
+    @property
+    def distance(self) -> NDArray[np.float64]:
+        """(H, W) or (N,), metres from each moved source point to the closest target point.
+
+        NaN where unobserved.
+        """
+        return self.correspondences.on_grid(self.correspondences.matched.distance)
+
+    @property
+    def overlap(self) -> float:
+        """Share of the source's surface (area) that has a counterpart in the target's.
+
+        A counterpart is as near as the noise and the spacing of both clouds allow, and
+        faces the same way: geometry alone, whatever the labels say.
+        """
+        return self.correspondences.overlap
+
+    @property
+    def fitness(self) -> float:
+        """Share of the observed source points that are inliers, P(Z = +1) > 1/2."""
+        return float(np.mean(self.correspondences.matched.probability > 0.5))
+
+    @property
+    def inlier_rmse(self) -> float:
+        """Root mean square distance of the inliers, metres; 0 where there are none."""
+        matched = self.correspondences.matched
+        return rms(matched.distance[matched.probability > 0.5])
+
+    @property
+    def correspondence_set(self) -> NDArray[np.intp]:
+        """(K, 2) rows of the inliers and of their matches, source then target.
+
+        Rows of ``points.reshape(-1, 3)`` of either cloud as it was given.
+        """
+        matched = self.correspondences.matched
+        inlier = matched.probability > 0.5
+        return np.column_stack([matched.row[inlier], matched.onto[inlier]])
+
+    def __eq__(self, other: object) -> bool:
+        """Compare numbers, but for the time that it took."""
+        return same(self, other) if isinstance(other, RegistrationResult) else NotImplemented
+
+    def __hash__(self) -> int:
+        return hash(tuple(self.transformation.ravel().tolist()))
 
     def __repr__(self) -> str:
+        free = f"; free: {'; '.join(map(str, self.degenerate))}" if self.degenerate else ""
+        return f"RegistrationResult({self.verdict}; {self._numbers()}{free})"
+
+    def __str__(self) -> str:
+        motion = self.transformation
+        lines = [
+            f"Registration: {self.verdict}",
+            *([] if self.advice is None else [f"  {self.advice}"]),
+            f"  {self._numbers()}",
+            f"  motion {se3.translation_norm(motion):.4g} m, "
+            f"{np.degrees(se3.rotation_angle(motion)):.4g} deg",
+            *(f"  free: {free}" for free in self.degenerate),
+        ]
+        return "\n".join(lines)
+
+    def _numbers(self) -> str:
         state = "converged" if self.converged else "did not converge"
-        free = f", free: {'; '.join(map(str, self.degenerate))}" if self.degenerate else ""
         return (
-            f"RegistrationResult({state} after {self.iterations} iterations, "
-            f"overlap {self.overlap:.3f}, inlier_rmse {self.inlier_rmse:.4g} m{free})"
+            f"overlap {self.overlap:.3f}, inlier_rmse {self.inlier_rmse:.4g} m, "
+            f"{state} after {count(self.iterations, 'iteration')}"
         )
+
+
+def count(number: int, noun: str) -> str:
+    """Say a number of things, one or many."""
+    return f"{number} {noun}" + ("s" if number != 1 else "")

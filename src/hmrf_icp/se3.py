@@ -16,11 +16,12 @@ from hmrf_icp.errors import InputError
 
 Array: TypeAlias = NDArray[np.float64]
 
-RIGID_TOLERANCE = 1e-3
+RIGID_TOLERANCE = 2e-3
 """How far ``R.T @ R`` may stand from the identity before a matrix is refused.
 
-Pose files are written with three to six decimals: 1e-3 accepts those and
-refuses a scale or a shear.
+Pose files are written with three decimals or more. Three round an entry by 5e-4 at most, and an
+entry of ``R.T @ R``, the product of two unit columns, by 2 * sqrt(3) * 5e-4 = 1.73e-3 and a
+little: accepted, and made a rotation again. A scale of 0.2 % is refused.
 """
 
 
@@ -60,11 +61,13 @@ def as_rigid(matrix: ArrayLike | None, name: str = "init") -> Array:
             "transpose the matrix if it was written for row vectors"
         )
     rotation = pose[:3, :3]
-    off = float(np.abs(rotation.T @ rotation - np.eye(3)).max())
-    if off > RIGID_TOLERANCE:
+    with np.errstate(over="ignore", invalid="ignore"):
+        off = float(np.abs(rotation.T @ rotation - np.eye(3)).max())
+    if not off <= RIGID_TOLERANCE:
         raise InputError(
             f"{name}: the upper left 3 x 3 block is not a rotation (R^T R is off the identity by "
-            f"{off:.3g}); a registration is rigid, remove scale and shear"
+            f"{off:.3g}, three decimals by {RIGID_TOLERANCE:g} at most); a registration is rigid: "
+            "remove scale and shear, or write the matrix with more decimals"
         )
     if np.linalg.det(rotation) < 0:
         raise InputError(f"{name}: the rotation is a reflection (determinant -1), not a motion")
@@ -184,6 +187,12 @@ def rotation_about(axis: ArrayLike, angle: float, centre: ArrayLike) -> Array:
     rotation = rotation_exp(angle * axis / np.linalg.norm(axis))
     centre = np.asarray(centre, dtype=np.float64)
     return rigid(rotation, centre - rotation @ centre)
+
+
+def about(twist: ArrayLike, centre: ArrayLike) -> Array:
+    """Motion (4, 4) of a twist about the point ``centre`` (3,) instead of about the origin."""
+    there = rigid(np.eye(3), centre)
+    return np.asarray(there @ exp(twist) @ inverse(there))
 
 
 def error(estimate: Array, truth: Array) -> tuple[float, float]:

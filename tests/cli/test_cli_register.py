@@ -3,6 +3,8 @@
 from __future__ import annotations
 
 import json
+import os
+import subprocess
 import sys
 import warnings
 from types import SimpleNamespace
@@ -14,7 +16,7 @@ from PIL import Image
 import hmrf_icp
 from hmrf_icp import PinholeCamera, PointCloud, presets, se3
 from hmrf_icp.cli import main
-from hmrf_icp.io import read_cloud, write_cloud, write_pose
+from hmrf_icp.io import read_cloud, read_pose, write_cloud, write_pose
 
 CAMERA = PinholeCamera(width=48, height=36, fx=50.0, fy=50.0, cx=23.5, cy=17.5)
 INTRINSICS = ("--intrinsics", "50,50,23.5,17.5")
@@ -64,7 +66,8 @@ def clouds(tmp_path):
 def test_two_depth_maps(command, pair):
     status, out, err = command("register", *pair, *INTRINSICS)
     assert status == 0
-    assert "source.png to target.png: converged after" in out
+    assert "source.png to target.png: to be believed, confidence 0.9" in out
+    assert "converged after" in out
     assert "overlap" in out
     assert "transformation, source to target:" in out
     assert err == ""
@@ -79,6 +82,10 @@ def test_json_is_one_strict_object_and_nothing_else(command, clouds):
     assert status == 0
     assert {
         "transformation",
+        "believed",
+        "confidence",
+        "visibility",
+        "source_view",
         "converged",
         "iterations",
         "em_iterations",
@@ -88,6 +95,8 @@ def test_json_is_one_strict_object_and_nothing_else(command, clouds):
     } <= content.keys()
     assert out.count("\n") == 1
     assert content["converged"] is True
+    assert content["believed"] is True
+    assert content["visibility"].keys() > {"agree", "front", "views"}
     assert np.shape(content["transformation"]) == (4, 4)
     assert 0 <= content["overlap"] <= 1
     assert content["preset"] == presets.DEFAULT
@@ -159,33 +168,66 @@ def test_camera_from_a_file_and_scale_and_max_depth(command, pair, tmp_path):
     assert np.nanmax(np.load(aligned)[..., 2]) < 0.81
 
 
-def test_not_converged_is_status_1_with_the_result_printed_and_written(
-    command, pair, tmp_path, monkeypatch
-):
+@pytest.fixture
+def one_iteration(monkeypatch):
+    """Let every registration stop after one iteration, not converged."""
     register = hmrf_icp.register
 
-    def one_iteration(source, target, init, preset, **options):
+    def stopped(source, target, init, preset, **options):
         criteria = hmrf_icp.Criteria(translation=0.0, rotation=0.0, max_iterations=1)
         return register(source, target, init, preset=preset, criteria=criteria, **options)
 
-    monkeypatch.setattr(hmrf_icp, "register", one_iteration)
-    aligned = tmp_path / "aligned.ply"
-    status, out, err = command("register", *pair, *INTRINSICS, "--json", "--output", aligned)
+    monkeypatch.setattr(hmrf_icp, "register", stopped)
+
+
+def test_not_converged_is_status_1_where_there_is_no_confidence(
+    command, pair, tmp_path, one_iteration
+):
+    options = (*INTRINSICS, "--preset", "paper", "--json", "--output", tmp_path / "aligned.ply")
+    status, out, err = command("register", *pair, *options)
     assert status == 1
-    assert json.loads(out)["converged"] is False
-    assert "did NOT converge" in err
-    assert aligned.exists()
+    content = json.loads(out)
+    assert (content["converged"], content["believed"]) == (False, False)
+    assert (content["confidence"], content["visibility"]) == (None, None)
+    assert "did not converge (this method gives no confidence)" in err
+    assert "more iterations" in err
+    assert (tmp_path / "aligned.ply").exists()
+
+
+def test_a_pose_that_convinces_is_believed_whether_or_not_the_loop_converged(
+    command, pair, one_iteration
+):
+    status, out, err = command("register", *pair, *INTRINSICS, "--json")
+    assert status == 0
+    content = json.loads(out)
+    assert (content["converged"], content["believed"]) == (False, True)
+    assert "did NOT converge after" in err
+
+
+def test_a_pose_that_does_not_convince_is_status_1_and_says_what_to_try(command, tmp_path):
+    rng = np.random.default_rng(0)
+    for name in ("a.ply", "b.ply"):
+        write_cloud(tmp_path / name, PointCloud(rng.normal(size=(2000, 3))))
+    status, out, err = command("register", tmp_path / "a.ply", tmp_path / "b.ply", "--json")
+    content = json.loads(out)
+    assert status == 1
+    assert content["believed"] is False
+    assert content["confidence"] < 0.5
+    assert content["source_view"]["kind"] == content["target_view"]["kind"] == "assumed"
+    assert "NOT convincing, confidence 0." in err
+    assert "say where the sensor of source and target stood" in err
 
 
 def test_a_number_that_is_none_is_null_in_json(command, pair, monkeypatch):
     from dataclasses import replace
 
     register = hmrf_icp.register
+    nowhere = np.full(3, np.nan)
     monkeypatch.setattr(
-        hmrf_icp, "register", lambda *a, **k: replace(register(*a, **k), inlier_rmse=float("nan"))
+        hmrf_icp, "register", lambda *a, **k: replace(register(*a, **k), centre=nowhere)
     )
     _, out, _ = command("register", *pair, *INTRINSICS, "--json")
-    assert json.loads(out)["inlier_rmse"] is None
+    assert json.loads(out)["centre"] == [None] * 3
 
 
 def test_a_mix_up_of_units_is_one_line_of_warning(command, clouds, tmp_path):
@@ -493,3 +535,72 @@ def test_a_figure_that_fails_keeps_the_other_output_from_being_replaced(
     assert "cannot be drawn" in err
     for name in ("old.ply", "old.png"):
         assert (tmp_path / name).read_text() == "an earlier result"
+
+
+# ---- All that the source had -----------------------------------------------------------------
+
+
+@pytest.fixture
+def coloured(clouds, tmp_path):
+    """The source with a colour, a normal and a number a point, and the target as it is."""
+    source = read_cloud(clouds[0])
+    values = np.arange(source.points[..., 0].size).reshape(source.shape)
+    write_cloud(
+        tmp_path / "coloured.ply",
+        PointCloud(
+            source.points,
+            normals=source.points,
+            attributes={"red": (values % 256).astype(np.uint8), "intensity": values / 7},
+        ),
+    )
+    return tmp_path / "coloured.ply", clouds[1]
+
+
+@pytest.mark.parametrize("suffix", [".ply", ".pcd", ".csv", ".npz"])
+def test_the_output_has_all_that_the_source_had(command, coloured, tmp_path, suffix):
+    aligned, pose = tmp_path / f"aligned{suffix}", tmp_path / "pose.txt"
+    status, out, err = command("register", *coloured, "--output", aligned, "--pose", pose)
+    assert status == 0
+    assert "Note" not in err
+    assert f"written: {pose}" in out
+    source, moved, motion = read_cloud(coloured[0]), read_cloud(aligned), read_pose(pose)
+    np.testing.assert_allclose(moved.points, se3.transform(motion, source.points), atol=1e-6)
+    turned = source.normals @ motion[:3, :3].T
+    np.testing.assert_allclose(moved.normals, turned, atol=1e-6)
+    for name in ("red", "intensity"):
+        np.testing.assert_array_equal(moved.attributes[name], source.attributes[name])
+
+
+def test_what_the_format_has_no_place_for_is_said(command, coloured, tmp_path):
+    _, _, err = command("register", *coloured, "--output", tmp_path / "aligned.xyz")
+    assert "Note: .xyz has no place for the source's normals, red, intensity" in err
+
+
+def test_the_pose_is_the_result_s_and_starts_the_next_run(command, clouds, tmp_path):
+    pose = tmp_path / "pose.txt"
+    _, out, _ = command("register", *clouds, "--pose", pose, "--json")
+    np.testing.assert_allclose(read_pose(pose), json.loads(out)["transformation"], atol=1e-14)
+    status, _, _ = command("register", *clouds, "--init", pose)
+    assert status == 0
+
+
+def test_two_outputs_of_one_name_are_refused(command, clouds, tmp_path):
+    same = tmp_path / "out.txt"
+    status, _, err = command("register", *clouds, "--output", same, "--pose", same)
+    assert status == 2
+    assert "is what --output writes" in err
+
+
+def test_a_name_that_is_no_text_is_shown_all_the_same(clouds, tmp_path):
+    odd = tmp_path / os.fsdecode(b"scan_\xff.pcd")
+    try:
+        odd.write_bytes(clouds[0].read_bytes())
+    except OSError:
+        pytest.skip("this file system takes no such name")
+    run = subprocess.run(
+        [sys.executable, "-m", "hmrf_icp", "register", odd, clouds[1], "--rejector", "all"],
+        capture_output=True,
+        env={**os.environ, "PYTHONUTF8": "1"},
+    )
+    assert run.returncode == 0
+    assert b"scan_\\udcff.pcd to target.ply" in run.stdout

@@ -53,7 +53,7 @@ def row(**values: Any) -> dict[str, Any]:
         "failure": "",
     }
     made = {**defaults, **values}
-    made.setdefault("pair", f"{made['target']:06d}-{made['source']:06d}")
+    made.setdefault("pair", f"{made['target']:0>6}-{made['source']:0>6}")
     return made
 
 

@@ -8,6 +8,7 @@ interrupted, 141 nobody reads the output any more.
 
 from __future__ import annotations
 
+import io
 import os
 import sys
 import warnings
@@ -22,7 +23,7 @@ from hmrf_icp.cli.demo import demo
 from hmrf_icp.cli.evaluate import evaluate
 from hmrf_icp.cli.register import register
 from hmrf_icp.cli.report import report
-from hmrf_icp.errors import HmrfIcpError, RegistrationWarning
+from hmrf_icp.errors import HmrfIcpError, RegistrationWarning, interruptible
 
 BAD_INPUT = 2
 INTERRUPTED = 128 + 2
@@ -38,7 +39,7 @@ class _Commands(TyperGroup):
         What is not listed here is a mistake of this program, and shows its traceback.
         """
         try:
-            with _warnings_in_one_line():
+            with _warnings_in_one_line(), interruptible():
                 outcome = super().invoke(ctx)
                 sys.stdout.flush()
                 return outcome
@@ -74,6 +75,10 @@ app.command()(report)
 
 def main() -> None:
     """Entry point of the ``hmrf-icp`` command."""
+    for stream in (sys.stdout, sys.stderr):
+        if isinstance(stream, io.TextIOWrapper):
+            # The name of a file may be no text in this encoding; it is shown all the same.
+            stream.reconfigure(errors="backslashreplace")
     app(prog_name="hmrf-icp")
 
 

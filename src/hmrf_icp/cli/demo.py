@@ -138,7 +138,7 @@ def demo(
     written all the same); 2 bad input.
     """
     from hmrf_icp import register, se3
-    from hmrf_icp.cli.progress import most_iterations, registration_bar
+    from hmrf_icp.cli.progress import most_iterations, registration_bar, told_of_compiling
     from hmrf_icp.io.whole import require_writable
 
     method = presets.preset(preset)
@@ -153,8 +153,9 @@ def demo(
     with registration_bar() as bar:
         bar.stage("Rendering two depth maps")
         pair = desk_pair(seed, subsample, angle)
-        bar.stage("Registering (compiles the first time)", total=most_iterations(method))
-        result = register(pair.source, pair.target, pair.init, preset=method, on_iteration=bar)
+        bar.stage("Registering", total=most_iterations(method))
+        with told_of_compiling(bar):
+            result = register(pair.source, pair.target, pair.init, preset=method, on_iteration=bar)
         bar.stage("Drawing")
         _draw(pair, result, picture, method)
     error = se3.error(result.transformation, pair.truth)
@@ -164,7 +165,7 @@ def demo(
 
 
 def _check_suffix(picture: Path) -> None:
-    from hmrf_icp.cli.register import FIGURE_SUFFIXES
+    from hmrf_icp.cli.outputs import FIGURE_SUFFIXES
     from hmrf_icp.io.files import check_suffix
 
     check_suffix(picture, FIGURE_SUFFIXES, "draw a figure to")
@@ -189,16 +190,15 @@ def _print(
 
     height, width = pair.source.shape
     console = Console(highlight=False)
-    console.print(
-        f"Two depth maps of a desk, {width} x {height}, preset [bold]{preset}[/bold]", end="\n\n"
-    )
+    console.print(f"Two depth maps of a desk, {width} x {height}, preset [bold]{preset}[/bold]")
+    console.print(f"The result: {result.verdict}", end="\n\n")
     console.print(_table(pair, result))
     if found:
         verdict = "[bold green]Registered[/]: the known pose was found"
     else:
         verdict = "[bold red]Missed[/]: the known pose was not found"
     console.print(f"\n{verdict} (within {1000 * CLOSE:.0f} mm and {math.degrees(CLOSE):.1f} deg).")
-    console.print(f"Picture: {picture}", soft_wrap=True)
+    console.print(f"Picture: {picture}", soft_wrap=True, markup=False)
 
 
 def _table(pair: DeskPair, result: RegistrationResult) -> Table:
@@ -227,7 +227,4 @@ def _table(pair: DeskPair, result: RegistrationResult) -> Table:
     table.add_row("iterations", "", f"{result.iterations}{stopped}")
     table.add_row("EM iterations", "", f"{result.em_iterations}")
     table.add_row("time", "", f"{result.seconds:.2f} s")
-    if result.confidence is not None:
-        table.add_section()
-        table.add_row("confidence", "", f"{result.confidence:.0%}")
     return table

@@ -288,6 +288,7 @@ def _stoppable(bar: EvaluationBar, folder: Path) -> Iterator[None]:
 def _print_standings(folder: Path) -> None:
     """Print who solved how much."""
     from rich.console import Console
+    from rich.markup import escape
     from rich.table import Table
 
     from hmrf_icp.evaluate import standings
@@ -307,7 +308,7 @@ def _print_standings(folder: Path) -> None:
     for one in found:
         error = one.median_error_m
         table.add_row(
-            one.method,
+            escape(one.method),
             *(f"{one.by_start[start].recall:.2f}" for start in starts),
             "" if error is None else f"{1000 * error:.1f} mm",
             f"{one.median_seconds:.2f} s",

@@ -29,6 +29,10 @@ class StageBar:
         self._task = self._progress.add_task(name, total=total, detail="")
         self._stage = name
 
+    def note(self, words: str) -> None:
+        """Say more of the stage that is on."""
+        self._progress.update(self._task, description=f"{self._stage} ({words})")
+
     def show(self, stage: str, done: int, total: int | None) -> None:
         """Show how much of a stage is done; give it to ``write_report`` as ``on_progress``."""
         if stage != self._stage:
@@ -48,6 +52,15 @@ class RegistrationBar(StageBar):
             f"{1000 * iteration.step_translation:.1f} mm "
             f"{math.degrees(iteration.step_rotation):.2f} deg",
         )
+
+
+@contextmanager
+def told_of_compiling(bar: StageBar) -> Iterator[None]:
+    """Say on the bar that kernels are compiled, where they are: once on a machine."""
+    from hmrf_icp.kernels.compilation import Compilation
+
+    with Compilation(lambda: bar.note("compiling, this once")):
+        yield
 
 
 def most_iterations(method: Registrar) -> int | None:

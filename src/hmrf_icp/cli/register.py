@@ -4,9 +4,10 @@ from __future__ import annotations
 
 import math
 from collections.abc import Iterator
-from contextlib import ExitStack, contextmanager
+from contextlib import contextmanager
+from dataclasses import replace
 from pathlib import Path
-from typing import TYPE_CHECKING, Annotated
+from typing import TYPE_CHECKING, Annotated, cast
 
 import typer
 
@@ -16,11 +17,10 @@ from hmrf_icp.errors import InputError
 if TYPE_CHECKING:
     from hmrf_icp.clouds.cloud import PointCloud
     from hmrf_icp.io import Intrinsics
+    from hmrf_icp.registration import Where
     from hmrf_icp.result import RegistrationResult
 
-NOT_CONVERGED = 1
-
-FIGURE_SUFFIXES = (".png", ".pdf", ".svg")
+NOT_BELIEVED = 1
 
 _DEPTH = "Depth maps"
 _CLOUDS = "Clouds"
@@ -76,11 +76,12 @@ def register(
     viewpoint: Annotated[
         str | None,
         typer.Option(
-            metavar="X,Y,Z",
+            metavar="X,Y,Z|auto|none",
             rich_help_panel=_CLOUDS,
             help="Where the sensor stood, in the frame of each cloud, metres: 0,0,0 for LiDAR "
             "scans in the sensor's own frame. Holds for SOURCE and TARGET, whatever their files "
-            "say; depth maps need none.",
+            "say; depth maps need none. auto, which is the default, finds it out from the "
+            "points; none does without.",
         ),
     ] = None,
     init: Annotated[
@@ -88,10 +89,19 @@ def register(
         typer.Option(
             metavar="POSE.txt",
             rich_help_panel=_METHOD,
-            help="Where to start: a 4x4 matrix as text, source to target, metres; the identity "
-            "unless given.",
+            help="Where to start: a 4x4 matrix as text, source to target, metres. Without, "
+            "nothing is known, and the pose is looked for everywhere.",
         ),
     ] = None,
+    search: Annotated[
+        str,
+        typer.Option(
+            metavar="WHERE",
+            rich_help_panel=_METHOD,
+            help="Where to look: near the start, everywhere, or auto: near a start that is given "
+            "and everywhere without.",
+        ),
+    ] = "auto",
     preset: Annotated[
         str,
         typer.Option(
@@ -122,7 +132,16 @@ def register(
             metavar="ALIGNED",
             rich_help_panel=_OUTPUT,
             help="Write the source, moved into the target's frame, as a cloud "
-            "(.ply, .pcd, .xyz, .csv, .txt, .npy, .npz).",
+            "(.ply, .pcd, .xyz, .xyzn, .csv, .txt, .npy, .npz); with all that it had, its normals "
+            "turned, where the format has a place for it (.ply, .pcd, .csv, .npz).",
+        ),
+    ] = None,
+    pose: Annotated[
+        Path | None,
+        typer.Option(
+            metavar="FILE",
+            rich_help_panel=_OUTPUT,
+            help="Write the 4x4 matrix, source to target, as text that --init reads.",
         ),
     ] = None,
     figure: Annotated[
@@ -144,13 +163,17 @@ def register(
 ) -> None:
     """Find the rigid motion that takes SOURCE onto TARGET.
 
-    Example: hmrf-icp register a.png b.png --intrinsics 585,585,320,240
+    Example: hmrf-icp register A.ply B.ply
 
-    Exit status: 0 registered; 1 did not converge (the result is printed
-    and written all the same); 2 bad input (nothing is written).
+    Depth maps: hmrf-icp register a.png b.png --intrinsics 585,585,320,240
+
+    Exit status: 0 the pose is to be believed (confidence of 0.5 or more; converged,
+    where the preset gives no confidence); 1 it is not (the result is printed and
+    written all the same, and says what to try); 2 bad input (nothing is written).
     """
     import hmrf_icp
-    from hmrf_icp.cli.progress import most_iterations, registration_bar
+    from hmrf_icp.cli.outputs import Outputs, note
+    from hmrf_icp.cli.progress import most_iterations, registration_bar, told_of_compiling
     from hmrf_icp.cli.summary import json_text, summary
     from hmrf_icp.io import read_pose
 
@@ -162,9 +185,13 @@ def register(
     _require_positive("--depth-scale", depth_scale, "units per metre")
     _require_positive("--max-depth", max_depth, "metres")
     lens = _lens(camera, intrinsics)
-    stood = None if viewpoint is None else _position("--viewpoint", viewpoint)
+    looked = viewpoint in (None, "auto", "none")
+    stood = None if looked or viewpoint is None else _position("--viewpoint", viewpoint)
+    if search not in ("auto", "near", "everywhere"):
+        raise InputError(f"--search: unknown {search!r}, expected auto, near or everywhere")
     start = None if init is None else read_pose(init)
-    _check_outputs(output, figure, [file for file in (source, target, camera, init) if file])
+    outputs = Outputs(output, pose, figure)
+    outputs.check([file for file in (source, target, camera, init) if file])
 
     chosen = {"preset": preset, "rejector": rejector, "aligner": aligner}
     named = chosen | {"source": source, "target": target}
@@ -177,13 +204,14 @@ def register(
             staying, staying_is_depth = _read(target, lens, depth_scale, max_depth)
             given = (camera, intrinsics, depth_scale, max_depth)
             if not (moving_is_depth or staying_is_depth) and any(o is not None for o in given):
-                _note("neither file is a depth map: the options for depth maps have no effect")
+                note("neither file is a depth map: the options for depth maps have no effect")
             if stood is not None:
                 if moving.camera is not None and staying.camera is not None:
-                    _note("both files come with a camera: --viewpoint has no effect")
+                    note("both files come with a camera: --viewpoint has no effect")
                 moving, staying = _seen_from(stood, moving), _seen_from(stood, staying)
             bar.stage("Registering", total=most_iterations(method))
-            with _arguments_named({"source": source, "target": target, "init": init}):
+            named_arguments = _arguments_named({"source": source, "target": target, "init": init})
+            with named_arguments, told_of_compiling(bar):
                 result = hmrf_icp.register(
                     moving,
                     staying,
@@ -191,17 +219,19 @@ def register(
                     preset=method,
                     rejector=None if rejector is None else presets.rejector(rejector),
                     aligner=None if aligner is None else presets.aligner(aligner),
+                    viewpoint=None if viewpoint == "none" else "auto",
+                    search=cast("Where", search),
                     on_iteration=bar,
                 )
             bar.stage("Writing")
-            written = _write(moving, staying, result, output, figure)
+            written = outputs.write(moving, staying, result)
     finally:
         # Also where writing failed: a full disk must not cost the result as well.
         if result is not None:
             if as_json:
                 typer.echo(json_text(result, named))
             typer.echo(summary(result, source.name, target.name, written), err=as_json)
-    raise typer.Exit(0 if result.converged else NOT_CONVERGED)
+    raise typer.Exit(0 if result.believed else NOT_BELIEVED)
 
 
 def _require_positive(option: str, value: float | None, unit: str) -> None:
@@ -216,7 +246,8 @@ def _position(option: str, text: str) -> tuple[float, float, float]:
         x = y = z = math.nan
     if not all(map(math.isfinite, (x, y, z))):
         raise InputError(
-            f"{option}: expected three numbers X,Y,Z in metres, such as 0,0,1.8; got {text!r}"
+            f"{option}: expected three numbers X,Y,Z in metres, such as 0,0,1.8, auto or none; "
+            f"got {text!r}"
         )
     return x, y, z
 
@@ -229,22 +260,6 @@ def _lens(camera: Path | None, intrinsics: str | None) -> Intrinsics | None:
     if camera is not None:
         return read_intrinsics(camera)
     return None if intrinsics is None else parse_intrinsics(intrinsics, "--intrinsics")
-
-
-def _check_outputs(output: Path | None, figure: Path | None, inputs: list[Path]) -> None:
-    """Refuse what could not be written in the end, before minutes are spent on it."""
-    from hmrf_icp.io.cloud import check_writable
-    from hmrf_icp.io.files import check_suffix
-    from hmrf_icp.io.whole import require_writable
-
-    if output is not None:
-        check_writable(output)
-    if figure is not None:
-        check_suffix(figure, FIGURE_SUFFIXES, "draw a figure to")
-        require_writable(figure)
-    for option, file in (("--output", output), ("--figure", figure)):
-        if file is not None and file.resolve() in [path.resolve() for path in inputs]:
-            raise InputError(f"{option} {file}: is an input of this run, give another name")
 
 
 def _read(
@@ -264,11 +279,7 @@ def _seen_from(position: tuple[float, float, float], cloud: PointCloud) -> Point
     """Say where the sensor of a cloud stood; a camera stands at the origin and stays there."""
     import numpy as np
 
-    from hmrf_icp.clouds.cloud import PointCloud
-
-    if cloud.camera is not None:
-        return cloud
-    return PointCloud(cloud.points, viewpoint=np.array(position))
+    return cloud if cloud.camera is not None else replace(cloud, viewpoint=np.array(position))
 
 
 @contextmanager
@@ -281,37 +292,3 @@ def _arguments_named(files: dict[str, Path | None]) -> Iterator[None]:
         if files.get(argument) is None:
             raise
         raise InputError(f"{argument} {files[argument]}: {rest}") from None
-
-
-def _write(
-    source: PointCloud,
-    target: PointCloud,
-    result: RegistrationResult,
-    output: Path | None,
-    figure: Path | None,
-) -> list[Path]:
-    """Write all outputs; none of them moves to its place before every one is complete."""
-    from hmrf_icp import se3
-    from hmrf_icp.clouds.cloud import PointCloud
-    from hmrf_icp.io import write_cloud
-    from hmrf_icp.io.whole import written_whole
-
-    with ExitStack() as outputs:
-        if output is not None:
-            motion = result.transformation
-            stood = source.viewpoint
-            moved = PointCloud(
-                se3.transform(motion, source.points),
-                viewpoint=None if stood is None else se3.transform(motion, stood),
-            )
-            write_cloud(outputs.enter_context(written_whole(output)), moved)
-        if figure is not None:
-            from hmrf_icp.figures.registration import registration_figure
-
-            partial = outputs.enter_context(written_whole(figure))
-            registration_figure(source, target, result, partial)
-    return [path for path in (output, figure) if path is not None]
-
-
-def _note(message: str) -> None:
-    typer.echo(f"Note: {message}", err=True)

@@ -5,22 +5,27 @@ from __future__ import annotations
 import json
 import math
 from collections.abc import Mapping, Sequence
+from dataclasses import asdict
 from pathlib import Path
 from typing import Any
 
 from hmrf_icp import se3
-from hmrf_icp.result import RegistrationResult
+from hmrf_icp.result import RegistrationResult, count
 
 _NUMBERS = (
     "transformation",
+    "believed",
+    "confidence",
     "converged",
     "iterations",
     "em_iterations",
     "overlap",
+    "fitness",
     "inlier_rmse",
     "seconds",
+    "information",
+    "centre",
 )
-_WHERE_THERE_ARE = ("confidence", "information", "degenerate")
 
 
 def summary(
@@ -30,13 +35,16 @@ def summary(
     motion = result.transformation
     state = "converged" if result.converged else "did NOT converge"
     lines = [
-        f"{source} to {target}: {state} after {_count(result.iterations, 'iteration')}",
+        f"{source} to {target}: {result.verdict}",
+        *([] if result.advice is None else [f"  {result.advice}"]),
         "",
-        f"  overlap      {result.overlap:.1%} of the source's observed points",
-        f"  inlier RMSE  {_length(result.inlier_rmse)}",
+        f"  {state} after {count(result.iterations, 'iteration')}",
+        f"  overlap      {result.overlap:.1%} of the source's surface",
+        f"  inlier RMSE  {_length(result.inlier_rmse)}, {result.fitness:.1%} of the points",
         f"  motion       {_length(se3.translation_norm(motion))}, "
         f"{math.degrees(se3.rotation_angle(motion)):.3f} deg",
-        f"  time         {result.seconds:.2f} s, {_count(result.em_iterations, 'EM step')}",
+        *_views(result),
+        f"  time         {result.seconds:.2f} s, {count(result.em_iterations, 'EM step')}",
         *_left_alone(result),
         "",
         "  transformation, source to target:",
@@ -58,11 +66,24 @@ def json_text(result: RegistrationResult, also: Mapping[str, Any]) -> str:
         More to say: which files, which preset.
     """
     content = {name: getattr(result, name) for name in _NUMBERS}
-    content |= {name: getattr(result, name) for name in _WHERE_THERE_ARE if hasattr(result, name)}
+    content["visibility"] = None if result.visibility is None else asdict(result.visibility)
+    content["source_view"], content["target_view"] = (
+        {"kind": view.kind, "text": view.text} for view in (result.source_view, result.target_view)
+    )
     content["degenerate"] = [
         {"motion": str(motion), "twist": motion.twist} for motion in result.degenerate
     ]
     return json.dumps(_plain(content | dict(also)), allow_nan=False)
+
+
+def _views(result: RegistrationResult) -> list[str]:
+    """Lines on where the clouds were seen from, for a method that asks."""
+    if result.visibility is None:
+        return []
+    return [
+        f"  source seen  {result.source_view}",
+        f"  target seen  {result.target_view}",
+    ]
 
 
 def _left_alone(result: RegistrationResult) -> list[str]:
@@ -87,10 +108,6 @@ def _plain(value: Any) -> Any:
     if isinstance(value, float) and not math.isfinite(value):
         return None
     return str(value) if isinstance(value, Path) else value
-
-
-def _count(number: int, noun: str) -> str:
-    return f"{number} {noun}" + ("s" if number != 1 else "")
 
 
 def _length(metres: float) -> str:

@@ -42,9 +42,16 @@ class PinholeCamera:
 
     def __post_init__(self) -> None:
         """Refuse what cannot be a camera."""
+        for name in ("width", "height"):
+            pixels = getattr(self, name)
+            if not isinstance(pixels, (int, float, np.number)) or float(pixels) % 1.0 != 0.0:
+                raise InputError(f"camera: {name} must be a whole number of pixels, got {pixels!r}")
+            object.__setattr__(self, name, int(pixels))
         numbers = (self.fx, self.fy, self.cx, self.cy)
         if not all(isinstance(n, (int, float, np.number)) and math.isfinite(n) for n in numbers):
             raise InputError(f"camera: fx, fy, cx, cy must be finite numbers, got {numbers}")
+        for name, number in zip(("fx", "fy", "cx", "cy"), numbers, strict=True):
+            object.__setattr__(self, name, float(number))
         if self.width < 1 or self.height < 1:
             raise InputError(f"camera: an image of {self.width} x {self.height} has no pixels")
         if self.fx <= 0 or self.fy <= 0:
@@ -55,7 +62,10 @@ class PinholeCamera:
     @classmethod
     def from_matrix(cls, matrix: ArrayLike, width: int, height: int) -> PinholeCamera:
         """Read a camera from its (3, 3) matrix K, for images of ``width`` x ``height`` pixels."""
-        k = np.asarray(matrix, dtype=np.float64)
+        try:
+            k = np.asarray(matrix, dtype=np.float64)
+        except (TypeError, ValueError) as error:
+            raise InputError(f"camera: expected a 3 x 3 matrix K of numbers: {error}") from None
         if k.shape != (3, 3):
             raise InputError(f"camera: expected a 3 x 3 matrix K, got shape {k.shape}")
         expected_zero = (k[0, 1], k[1, 0], k[2, 0], k[2, 1])
@@ -86,10 +96,12 @@ class PinholeCamera:
                 f"has {' x '.join(str(n) for n in depth.shape[::-1])}"
             )
         points = np.empty((self.height, self.width, 3))
-        points[..., 0] = (np.arange(self.width) - self.cx) / self.fx
-        points[..., 1] = ((np.arange(self.height) - self.cy) / self.fy)[:, None]
-        points[..., 2] = 1.0
-        points *= depth[..., None]
+        # A focal length next to nothing puts points at infinity, where they are unobserved.
+        with np.errstate(over="ignore", invalid="ignore"):
+            points[..., 0] = (np.arange(self.width) - self.cx) / self.fx
+            points[..., 1] = ((np.arange(self.height) - self.cy) / self.fy)[:, None]
+            points[..., 2] = 1.0
+            points *= depth[..., None]
         return points
 
     def project(

@@ -11,6 +11,9 @@ from hmrf_icp.clouds.surface import Surface, evenly
 
 Array = NDArray[np.float64]
 
+LEAST_SIDE = 1e-6
+"""Longest side of the box at the least, as a share of the surface's size: points may coincide."""
+
 
 @dataclass(frozen=True, eq=False)
 class ClosestTable:
@@ -53,8 +56,12 @@ class ClosestTable:
 
         rows = evenly(surface, count)
         points = surface.points[rows]
+        if len(rows) == 0:
+            # No surface, no matches: one cell that knows of nobody.
+            nobody = np.full((1, 1, 1), -1, np.int32)
+            return cls(points, surface.normals[rows], nobody, np.zeros(3), 1.0)
         low, high = points.min(axis=0), points.max(axis=0)
-        edge = float((high - low).max()) / cells
+        edge = max(float((high - low).max()), LEAST_SIDE * surface.size) / cells
         # The outermost points stand in the middle of their cells: on an edge between two,
         # rounding would say which is theirs, and in other units another one.
         corner = low - (margin + 0.5) * edge

@@ -3,7 +3,8 @@
 from __future__ import annotations
 
 import math
-from dataclasses import dataclass
+from collections.abc import Mapping
+from dataclasses import dataclass, field
 from functools import cached_property
 from typing import Any, Protocol, TypeAlias
 
@@ -11,6 +12,9 @@ import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
 from hmrf_icp.clouds.camera import PinholeCamera
+from hmrf_icp.clouds.conversion import as_camera, depth_map, parts_of
+from hmrf_icp.clouds.nothing import MIXED, nothing
+from hmrf_icp.clouds.per_point import Attributes, normals_for
 from hmrf_icp.errors import InputError
 
 MINIMUM_POINTS = 10
@@ -21,6 +25,10 @@ SAMPLE = 10_000
 
 LARGEST_COORDINATE = 1e12
 """A point farther away is no measurement (light takes an hour), and would drown those that are."""
+
+SMALLEST_SIZE = 1e-30
+"""A cloud that spreads over less, metres, is no measurement, and its squares have no digits left.
+"""
 
 SATURATED = 65535
 """The value that 16-bit depth recorders write for "too far", beside 0 for "nothing seen"."""
@@ -34,50 +42,76 @@ class PointCloud:
     ----------
     points
         (H, W, 3) for an organised cloud, (N, 3) for any other. A point with a
-        coordinate that is not finite is *unobserved*, and so is one at the viewpoint.
+        coordinate that is not finite, or masked, is *unobserved*, and so is one at the
+        viewpoint, or at a place that stands for nothing (:mod:`hmrf_icp.clouds.nothing`).
+        A cloud of another library is taken with what it holds beside the points.
     camera
         The camera that the organised points were seen with, at the origin of
-        the cloud's frame. None where it is not known.
+        the cloud's frame; its matrix K (3, 3) will do. None where it is not known.
     viewpoint
         (3,) where the sensor stood in the cloud's frame, metres; known for a
         LiDAR scan that has not been moved (the origin). A cloud with a camera
         has its viewpoint at the origin.
+    normals
+        Of the points' shape, in the cloud's frame; any length, NaN where there is none.
+    attributes
+        What else there is for each point (colours, intensities, times) by its
+        name in the file, (H, W), (N,) or with one axis more. It travels along untouched.
+    notes
+        What was noticed about the points, a sentence each, such as a constant that stands
+        for "nothing measured"; what is found is added to what is given.
+
+    Notes
+    -----
+    A cloud is a value: it does not change, equal ones are equal and have the same hash, and
+    copies and pickles of it are clouds like it.
 
     Raises
     ------
     InputError
-        The array has another shape, or no camera of that size.
+        An array has another shape or holds no numbers, or no camera of that size.
     """
 
     points: NDArray[np.float64]
     camera: PinholeCamera | None = None
     viewpoint: NDArray[np.float64] | None = None
+    normals: NDArray[np.float64] | None = None
+    attributes: Mapping[str, NDArray[Any]] = field(default_factory=dict)
+    notes: tuple[str, ...] = ()
 
     def __post_init__(self) -> None:
         """Copy the points, mark what is unobserved with NaN, and freeze the arrays."""
-        try:
-            points = np.array(self.points, dtype=np.float64)
-        except (TypeError, ValueError) as error:
-            raise InputError(f"points: expected an array of numbers, got {error}") from None
-        if points.ndim not in (2, 3) or points.shape[-1] != 3:
-            raise InputError(
-                f"points: expected shape (N, 3) or (H, W, 3), got {points.shape}"
-                + ("; make it a cloud with PointCloud.from_depth" if points.ndim == 2 else "")
-            )
+        points, normals, attributes = parts_of(self.points)
         points[~each(np.isfinite(points))] = np.nan
         object.__setattr__(self, "points", points)
+        if self.normals is None:
+            object.__setattr__(self, "normals", normals)
         if self.camera is not None:
+            object.__setattr__(self, "camera", as_camera(self.camera, points.shape[:-1]))
             self._check_camera(self.camera)
             object.__setattr__(self, "viewpoint", np.zeros(3))
         elif self.viewpoint is not None:
-            viewpoint = np.array(self.viewpoint, dtype=np.float64)
+            try:
+                viewpoint = np.array(self.viewpoint, dtype=np.float64)
+            except (TypeError, ValueError):
+                viewpoint = np.empty(0)
             if viewpoint.shape != (3,) or not np.isfinite(viewpoint).all():
                 raise InputError(f"viewpoint: expected three finite numbers, got {self.viewpoint}")
             object.__setattr__(self, "viewpoint", viewpoint)
         if self.viewpoint is not None:
             # No sensor sees where it stands: so recorders write beams that did not return.
             points[each(points == self.viewpoint)] = np.nan
+            self.viewpoint.flags.writeable = False
+        mask, notes = nothing(points, self.viewpoint, depth=self.camera is not None)
+        if mask is not None:
+            points[mask] = np.nan
+        added = (note for note in notes if note not in self.notes)
+        object.__setattr__(self, "notes", (*self.notes, *added))
         points.flags.writeable = False
+        if self.normals is not None:
+            object.__setattr__(self, "normals", normals_for(points, self.normals))
+        beside = {**attributes, **self.attributes}
+        object.__setattr__(self, "attributes", Attributes(beside, points.shape[:-1]))
 
     def _check_camera(self, camera: PinholeCamera) -> None:
         if self.points.ndim != 3:
@@ -92,8 +126,8 @@ class PointCloud:
     @classmethod
     def from_depth(
         cls,
-        depth: ArrayLike,
-        camera: PinholeCamera,
+        depth: Any,
+        camera: Any,
         depth_scale: float | None = None,
         max_depth: float | None = None,
     ) -> PointCloud:
@@ -102,10 +136,11 @@ class PointCloud:
         Parameters
         ----------
         depth
-            (H, W), distance along the optical axis. 0, negative, NaN, infinity
+            (H, W), distance along the optical axis. 0, negative, NaN, infinity, what is masked
             and, in 16-bit maps, 65535 are unobserved.
         camera
-            Its intrinsics, for the same size.
+            Its intrinsics, for the same size: a :class:`PinholeCamera`, a matrix K (3, 3), or
+            Open3D's ``PinholeCameraIntrinsic``.
         depth_scale
             Units of the map per metre. None means 1000 for integers
             (millimetres, what sensors write) and 1 for floating point (metres).
@@ -118,9 +153,8 @@ class PointCloud:
             The map is not (H, W), has 8 bits or another size than the camera's, or the
             scale is not positive.
         """
-        raw = np.asarray(depth)
-        if raw.ndim != 2:
-            raise InputError(f"depth: expected one channel of shape (H, W), got {raw.shape}")
+        raw = depth_map(depth)
+        lens = as_camera(camera, raw.shape)
         if raw.dtype.kind not in "iuf":
             raise InputError(f"depth: expected integers or floating point, got {raw.dtype}")
         if raw.dtype.itemsize == 1:
@@ -136,7 +170,8 @@ class PointCloud:
             )
         if max_depth is not None and not max_depth > 0:
             raise InputError(f"max_depth: expected a positive number of metres, got {max_depth:g}")
-        metres = raw.astype(np.float64)
+        with np.errstate(invalid="ignore"):
+            metres = raw.astype(np.float64)
         unobserved = ~(np.isfinite(metres) & (metres > 0))
         if raw.dtype == np.uint16:
             unobserved |= raw == SATURATED
@@ -144,7 +179,7 @@ class PointCloud:
         if max_depth is not None:
             unobserved |= metres > max_depth
         metres[unobserved] = np.nan
-        return cls(camera.unproject(metres), camera)
+        return cls(lens.unproject(metres), lens)
 
     @property
     def organised(self) -> bool:
@@ -159,12 +194,16 @@ class PointCloud:
     @cached_property
     def observed(self) -> NDArray[np.bool_]:
         """(H, W) or (N,): where there is a point."""
-        return np.asarray(~np.isnan(self.points[..., 0]))
+        observed = ~np.isnan(self.points[..., 0])
+        observed.flags.writeable = False
+        return np.asarray(observed)
 
     @cached_property
     def observed_points(self) -> NDArray[np.float64]:
         """(M, 3): the observed points, in the order of the grid."""
-        return self.points.reshape(-1, 3).take(np.flatnonzero(self.observed), axis=0)
+        points = self.points.reshape(-1, 3).take(np.flatnonzero(self.observed), axis=0)
+        points.flags.writeable = False
+        return points
 
     def on_grid(self, values: NDArray[Any], fill: float = np.nan) -> NDArray[Any]:
         """Lay one value an observed point, (M, ...), out in the cloud's shape."""
@@ -172,14 +211,64 @@ class PointCloud:
         laid[self.observed] = values
         return laid
 
+    def derived(
+        self, points: NDArray[np.float64], viewpoint: NDArray[np.float64] | None
+    ) -> PointCloud:
+        """Return a cloud of some or all of its points, moved or not, without what is beside them.
+
+        What stands for nothing was left out before: every point that is given stays one, also
+        at the viewpoint, which may be assumed.
+        """
+        cloud = object.__new__(PointCloud)
+        for array in (points, viewpoint):
+            if array is not None:
+                array.flags.writeable = False
+        values: dict[str, Any] = {"points": points, "viewpoint": viewpoint, "notes": self.notes}
+        values |= {"camera": None, "normals": None, "attributes": Attributes({}, points.shape[:-1])}
+        for name, value in values.items():
+            object.__setattr__(cloud, name, value)
+        return cloud
+
     def subsample(self, step: int) -> PointCloud:
         """Keep every ``step``-th row and column (organised) or every ``step``-th point."""
         if step < 1:
             raise InputError(f"subsample: expected a step of 1 or more, got {step}")
-        if not self.organised:
-            return PointCloud(self.points[::step], None, self.viewpoint)
-        camera = None if self.camera is None else self.camera.subsampled(step)
-        return PointCloud(self.points[::step, ::step], camera, self.viewpoint)
+        kept = (slice(None, None, step),) * len(self.shape)
+        return PointCloud(
+            self.points[kept],
+            None if self.camera is None else self.camera.subsampled(step),
+            self.viewpoint,
+            None if self.normals is None else self.normals[kept],
+            {name: values[kept] for name, values in self.attributes.items()},
+            self.notes,
+        )
+
+    def __eq__(self, other: object) -> bool:
+        if self is other:
+            return True
+        if not isinstance(other, PointCloud):
+            return NotImplemented
+        return (
+            self.camera == other.camera
+            and self.notes == other.notes
+            and _alike(self.points, other.points)
+            and _alike(self.viewpoint, other.viewpoint)
+            and _alike(self.normals, other.normals)
+            and list(self.attributes) == list(other.attributes)
+            and all(
+                _alike(self.attributes[name], other.attributes[name]) for name in self.attributes
+            )
+        )
+
+    def __hash__(self) -> int:
+        # A few points tell nearly all clouds apart; 0.0 takes the sign off -0.0, which equals it.
+        some = some_of(self.observed_points, 16) + 0.0
+        return hash((self.shape, len(self), self.camera, some.tobytes()))
+
+    def __reduce__(self) -> tuple[type[PointCloud], tuple[Any, ...]]:
+        """Pickle and copy what it was made of: a copy is checked and frozen as it was."""
+        parts = self.points, self.camera, self.viewpoint, self.normals, dict(self.attributes)
+        return PointCloud, (*parts, self.notes)
 
     def __len__(self) -> int:
         return int(np.count_nonzero(self.observed))
@@ -198,6 +287,15 @@ def each(coordinates: NDArray[np.bool_]) -> NDArray[np.bool_]:
     return np.asarray(coordinates[..., 0] & coordinates[..., 1] & coordinates[..., 2])
 
 
+def _alike(one: NDArray[Any] | None, other: NDArray[Any] | None) -> bool:
+    """Whether both are missing, or hold the same, NaN being the same as NaN."""
+    if one is None or other is None:
+        return one is other
+    if one.dtype != other.dtype:
+        return False
+    return bool(np.array_equal(one, other, equal_nan=one.dtype.kind == "f"))
+
+
 class HasPoints(Protocol):
     """Anything that holds points, such as Open3D's clouds."""
 
@@ -210,8 +308,10 @@ PointCloudLike: TypeAlias = PointCloud | HasPoints | ArrayLike
 """What is taken for a cloud: one, an array of points, or anything that holds points."""
 
 
-def as_cloud(cloud: PointCloudLike, name: str = "cloud") -> PointCloud:
-    """Take anything that holds points: a PointCloud, an array, an object with ``.points``.
+def as_cloud(cloud: Any, name: str = "cloud") -> PointCloud:
+    """Take anything that holds points: a PointCloud, an array, a cloud of another library.
+
+    Normals and colours come along where it has them, as Open3D's clouds do.
 
     Raises
     ------
@@ -220,16 +320,10 @@ def as_cloud(cloud: PointCloudLike, name: str = "cloud") -> PointCloud:
     """
     if isinstance(cloud, PointCloud):
         return cloud
-    points = getattr(cloud, "points", cloud)
     try:
-        return PointCloud(np.asarray(points, dtype=np.float64))
+        return PointCloud(cloud)
     except InputError as error:
         raise InputError(f"{name}: {error}") from None
-    except (TypeError, ValueError) as error:
-        raise InputError(
-            f"{name}: expected a PointCloud, an array of points or an object with .points, "
-            f"got {type(cloud).__name__} ({error})"
-        ) from None
 
 
 def require_registrable(cloud: PointCloud, name: str) -> None:
@@ -238,8 +332,8 @@ def require_registrable(cloud: PointCloud, name: str) -> None:
     Raises
     ------
     InputError
-        Fewer than ten observed points, all of them the same, all on one line, or
-        one so far away that it must stand for "nothing".
+        Fewer than ten observed points, or than ten places at which they are, all on one line,
+        one so far away that it must stand for "nothing", or all within nothing.
     """
     points = cloud.observed_points
     if len(points) < MINIMUM_POINTS:
@@ -252,6 +346,19 @@ def require_registrable(cloud: PointCloud, name: str) -> None:
         raise InputError(
             f"{name}: a coordinate of {size:.3g}; mark points without a measurement with NaN"
         )
+    if _distinct(some_of(points, 1000)) < MINIMUM_POINTS:
+        places = _distinct(points)
+        if places == 1:
+            raise InputError(f"{name}: all {len(points)} points are the same")
+        if places < MINIMUM_POINTS:
+            raise InputError(
+                f"{name}: {len(points)} points at {places} places, "
+                f"expected at least {MINIMUM_POINTS} places"
+            )
+    if not np.ptp(some_of(points), axis=0).max() > SMALLEST_SIZE:
+        side = float(np.ptp(points, axis=0).max())
+        if not side > SMALLEST_SIZE:
+            raise InputError(f"{name}: {len(points)} points within {side:.3g} m; expected metres")
     # A few points off the line tell as much as all of them; only none calls for a second look.
     if _dimensions(some_of(points), size) < 2:
         dimensions = _dimensions(points, size)
@@ -266,6 +373,11 @@ def require_registrable(cloud: PointCloud, name: str) -> None:
 def some_of(points: NDArray[np.float64], count: int = SAMPLE) -> NDArray[np.float64]:
     """Choose about ``count`` of the points (M, 3), evenly along the cloud."""
     return points[:: max(1, len(points) // count)]
+
+
+def _distinct(points: NDArray[np.float64]) -> int:
+    """Places that points (M, 3) are at, at least: one number stands for a place."""
+    return len(np.unique(points @ MIXED))
 
 
 def _dimensions(points: NDArray[np.float64], size: float) -> int:

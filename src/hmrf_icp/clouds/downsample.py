@@ -3,95 +3,169 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Callable
-from typing import TYPE_CHECKING
+from typing import NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
 
 from hmrf_icp.clouds.cloud import PointCloud
+from hmrf_icp.clouds.tree import Tree
 
-if TYPE_CHECKING:
-    from pykdtree.kdtree import KDTree
+NEAR = 1.1
+"""Times an edge that leaves too many, within which the smallest that does not is found."""
+
+PASSES = 12
+"""Edges that are tried for the cells of a grid, at the least."""
+
+Array = NDArray[np.float64]
+
+SAMPLED = 8
+"""Points looked at for each that is to stay, to begin with, where there are many more."""
+
+CLOSE = 0.9
+"""Share of the points asked for that are enough."""
+
+FINEST = 1e-15
+"""Smallest edge of a cell, as a share of the cloud's longest side: cells are counted in 63 bits."""
+
+HIT = 0.25
+"""Share of the pixels expected that a thinned image must have; otherwise it is thinned less.
+
+Points on every fourth row, or a few of them anywhere, can all fall between the rows that stay.
+"""
 
 
-def downsample(cloud: PointCloud, most: int) -> PointCloud:
+class Downsampled(NamedTuple):
+    """Fewer points, and which of them stands for each of all.
+
+    Attributes
+    ----------
+    cloud
+        About as many points as were asked for.
+    representative
+        (M,) rows of its observed points, one for each observed point of the whole: the kept
+        point of the same cell, and of a grid the kept pixel of the same block, or
+        the nearest point where there is none.
+    """
+
+    cloud: PointCloud
+    representative: NDArray[np.intp]
+
+
+def downsample(cloud: PointCloud, most: int) -> Downsampled:
     """Thin a cloud out to about ``most`` points; the same cloud where it has no more.
 
     An organised cloud keeps every n-th row and column, so that it stays one;
     any other keeps one point of every cell of a grid of cubes, so that what is
-    dense is thinned first.
+    dense is thinned first. The time it takes grows with the points.
     """
-    if step(cloud, most) <= 1:
-        return cloud
-    return cloud.subsample(step(cloud, most)) if cloud.organised else _one_a_cell(cloud, most)
+    if len(cloud) <= most:
+        return Downsampled(cloud, np.arange(len(cloud)))
+    return _every_nth(cloud, most) if cloud.organised else _one_a_cell(cloud, most)
 
 
-def step(cloud: PointCloud, most: int) -> int:
-    """Keep every so manieth row and column, or, of other clouds, one of so many points."""
-    share = math.prod(cloud.shape) / most if cloud.organised else len(cloud) / most
-    return math.ceil(math.sqrt(share) if cloud.organised else share)
-
-
-def representatives(
-    cloud: PointCloud, few: PointCloud, tree: Callable[[], KDTree]
-) -> NDArray[np.intp]:
-    """Tell which point of a downsampled cloud stands for each observed one of the whole.
-
-    Parameters
-    ----------
-    cloud, few
-        A cloud, and what :func:`downsample` made of it.
-    tree
-        Builds the k-d tree of ``few`` where it is needed.
-
-    Returns
-    -------
-    (M,) rows of the observed points of ``few``: the kept pixel of the same block, and the
-    nearest point where there is none.
-    """
-    if not cloud.organised:
-        return _nearest(cloud.observed_points, tree())
+def _every_nth(cloud: PointCloud, most: int) -> Downsampled:
+    step = math.ceil(math.sqrt(len(cloud) / most))
+    while step > 1 and np.count_nonzero(cloud.observed[::step, ::step]) < HIT * min(
+        most, len(cloud) / step**2
+    ):
+        step -= 1
+    few = cloud.subsample(step)
     place = np.full(few.shape, -1, dtype=np.intp)
     place[few.observed] = np.arange(len(few))
     height, width = cloud.shape
-    by = math.ceil(height / few.shape[0])
-    blocks = place.repeat(by, axis=0)[:height].repeat(by, axis=1)[:, :width]
+    blocks = place.repeat(step, axis=0)[:height].repeat(step, axis=1)[:, :width]
     rows = blocks[cloud.observed]
     lost = rows < 0
     if lost.any():
-        rows[lost] = _nearest(cloud.observed_points[lost], tree())
-    return rows
+        _, rows[lost] = Tree(few.observed_points).query(cloud.observed_points[lost])
+    return Downsampled(few, rows)
 
 
-def thinned(points: NDArray[np.float64], edge: float) -> NDArray[np.int64]:
-    """Rows of the points (M, 3) that come first in their cell of ``edge`` metres; all if 0."""
-    if not edge > 0:
-        return np.arange(len(points))
-    cell = np.floor((points - points.min(axis=0)) / edge).astype(np.int64)
-    span = cell.max(axis=0) + 1
-    key = (cell[:, 0] * span[1] + cell[:, 1]) * span[2] + cell[:, 2]
-    _, first = np.unique(key, return_index=True)
-    return np.sort(first)
+def _one_a_cell(cloud: PointCloud, most: int) -> Downsampled:
+    points = cloud.observed_points
+    owner = np.empty(len(points), np.int32)
+    cells = Cells(points)
+    rows = cells.first(_edge(cells, points, most), owner=owner)
+    few = cloud.derived(points[rows], cloud.viewpoint)
+    return Downsampled(few, owner.astype(np.intp))
 
 
-def _one_a_cell(cloud: PointCloud, most: int) -> PointCloud:
-    rows = thinned(cloud.observed_points, _edge(cloud.observed_points, most))
-    return PointCloud(cloud.observed_points[rows], None, cloud.viewpoint)
+def thinned(points: Array, edge: float) -> NDArray[np.int64]:
+    """Rows of the points (M, 3) that come first in their cell of ``edge`` metres, in order.
+
+    0 keeps one of the points that coincide.
+    """
+    return Cells(points).first(edge)
 
 
-def _edge(points: NDArray[np.float64], most: int) -> float:
-    """Edge of the cells that leave about ``most`` points, by bisection, metres."""
-    low, high = 0.0, float(np.ptp(points, axis=0).max())
-    for _ in range(12):
+class Cells:
+    """A grid of cubes laid over points.
+
+    Parameters
+    ----------
+    points
+        (M, 3) finite, M of 1 or more; metres.
+    """
+
+    def __init__(self, points: Array) -> None:
+        from hmrf_icp.kernels.cells import bounds
+        from hmrf_icp.kernels.compiled import read_only
+
+        self._points = read_only(points)
+        self._corner, high = bounds(self._points)
+        self.side = float((high - self._corner).max())
+
+    def first(
+        self, edge: float, most: int | None = None, owner: NDArray[np.int32] | None = None
+    ) -> NDArray[np.int64]:
+        """Rows of the points that come first in their cell of ``edge`` metres, in order.
+
+        Parameters
+        ----------
+        edge
+            Of the cells; 0 keeps one of the points that coincide.
+        most
+            Cells after which it gives up, and returns one row more than that.
+        owner
+            (M,) to write to which of the rows returned is of the cell of each point.
+        """
+        from hmrf_icp.kernels.cells import first_of_each
+
+        rows: NDArray[np.int64] = first_of_each(
+            self._points,
+            self._corner,
+            max(edge, FINEST * self.side) if self.side > 0.0 else 1.0,
+            len(self._points) if most is None else most,
+            np.empty(0, np.int32) if owner is None else owner,
+        )
+        return rows
+
+
+def _edge(cells: Cells, points: Array, most: int) -> float:
+    """Edge of the cells that leave about ``most`` of the points and no more, metres."""
+    low, high = 0.0, cells.side
+    if len(points) > 2 * SAMPLED * most:
+        # Nearly every cell has one of the sample: what is wrong is a little too small.
+        sample = np.ascontiguousarray(points[:: len(points) // (SAMPLED * most)])
+        found = _edge(Cells(sample), sample, most)
+        for _ in range(PASSES):
+            count = len(cells.first(found, 2 * most))
+            if CLOSE * most <= count <= most:
+                return found
+            low, high = (found, high) if count > most else (low, found)
+            # Cells of a surface: as many as the square of the edge is small.
+            found *= math.sqrt(count / (0.5 * (1.0 + CLOSE) * most))
+            if not low < found < high:
+                found = 0.5 * (low + high)
+        return high
+    finest = FINEST * high
+    passes = 0
+    while passes < PASSES or (high > NEAR * low and high > finest):
         middle = 0.5 * (low + high) if low > 0.0 else 0.1 * high
-        if len(thinned(points, middle)) > most:
+        if len(cells.first(middle, most)) > most:
             low = middle
         else:
             high = middle
+        passes += 1
     return high
-
-
-def _nearest(points: NDArray[np.float64], tree: KDTree) -> NDArray[np.intp]:
-    _, index = tree.query(points)
-    return np.asarray(index.astype(np.intp))

@@ -6,22 +6,24 @@ cloud serves as the target of many sources, or the source of many starts.
 
 from __future__ import annotations
 
+import math
 from collections.abc import Callable, Hashable
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 from functools import cached_property
-from typing import TYPE_CHECKING, Any, TypeVar, cast
+from typing import Any, Literal, TypeVar, cast
 
 import numpy as np
-from numpy.typing import NDArray
+from numpy.typing import ArrayLike, NDArray
 
-from hmrf_icp.clouds import downsample
+from hmrf_icp.clouds.assumed_viewpoint import POINTS
 from hmrf_icp.clouds.closest_table import ClosestTable
 from hmrf_icp.clouds.cloud import PointCloud, PointCloudLike, as_cloud, require_registrable, some_of
+from hmrf_icp.clouds.downsample import downsample
 from hmrf_icp.clouds.range_image import RangeImage, range_image
+from hmrf_icp.clouds.sensor_view import SensorView, find_view, given_view
 from hmrf_icp.clouds.surface import Surface, surface
-
-if TYPE_CHECKING:
-    from pykdtree.kdtree import KDTree
+from hmrf_icp.clouds.tree import Tree
+from hmrf_icp.errors import InputError
 
 Array = NDArray[np.float64]
 T = TypeVar("T")
@@ -31,6 +33,9 @@ FAR = 10.0
 
 Map coordinates of millions of metres leave few digits for what a registration turns on.
 """
+
+AROUND, GAP = 20, math.radians(110.0)
+"""Neighbours of a point, and the angle that they leave free from which it is at a border."""
 
 SPACING_SAMPLE = 10_000
 """Points whose nearest neighbour is looked for to tell how far apart a cloud's points are."""
@@ -47,6 +52,10 @@ class PreparedCloud:
     origin
         (3,) where the origin of this cloud stands in the frame that it was given in, metres:
         other than zero where the coordinates were far from zero.
+    view
+        How it is known where the cloud was seen from; None to go by the cloud itself.
+    look
+        Whether a viewpoint is looked for where none is known.
 
     Examples
     --------
@@ -59,9 +68,34 @@ class PreparedCloud:
 
     cloud: PointCloud
     origin: Array = field(default_factory=lambda: np.zeros(3))
+    view: SensorView | None = None
+    look: bool = True
     _derived: dict[Hashable, Any] = field(
         default_factory=dict, init=False, repr=False, compare=False
     )
+
+    def __post_init__(self) -> None:
+        """Freeze the origin.
+
+        Raises
+        ------
+        InputError
+            It is no place.
+        """
+        origin = np.array(self.origin, dtype=np.float64)
+        if origin.shape != (3,) or not np.isfinite(origin).all():
+            raise InputError(f"origin: expected three finite numbers, got {self.origin}")
+        origin.flags.writeable = False
+        object.__setattr__(self, "origin", origin)
+
+    def __eq__(self, other: object) -> bool:
+        if not isinstance(other, PreparedCloud):
+            return NotImplemented
+        mine, theirs = ((one.cloud, one.view, one.look) for one in (self, other))
+        return mine == theirs and np.array_equal(self.origin, other.origin)
+
+    def __hash__(self) -> int:
+        return hash((self.cloud, (self.origin + 0.0).tobytes()))
 
     @property
     def points(self) -> Array:
@@ -72,38 +106,71 @@ class PreparedCloud:
         return len(self.points)
 
     @cached_property
-    def tree(self) -> KDTree:
+    def tree(self) -> Tree:
         """k-d tree of the observed points."""
-        from pykdtree.kdtree import KDTree
-
-        return KDTree(self.points)
+        return Tree(self.points)
 
     @cached_property
     def surface(self) -> Surface:
         """Normals, noise and areas of the observed points."""
-        return surface(self.cloud, lambda: self.tree)
+        fitted = surface(self.cloud, lambda: self.tree)
+        return replace(fitted, oriented=False) if self.seen_from.kind == "assumed" else fitted
+
+    @cached_property
+    def border(self) -> NDArray[np.bool_]:
+        """(M,) Which observed points are at the border of their surface."""
+        from hmrf_icp.kernels.border import find_border
+
+        count = min(AROUND + 1, len(self))
+        _, index = self.tree.query(self.points, k=count)
+        border = np.empty(len(self), dtype=np.bool_)
+        neighbours = np.ascontiguousarray(index[:, 1:], dtype=np.int64)
+        find_border(self.points, self.surface.normals, neighbours, GAP, border)
+        return border
 
     @cached_property
     def range_image(self) -> RangeImage | None:
         """What the sensor saw from its viewpoint, None where that is not known."""
-        return range_image(self.cloud, self.surface) if self.cloud.viewpoint is not None else None
+        return range_image(self.cloud, self.surface) if self.seen_from.known else None
+
+    @cached_property
+    def viewed(self) -> PreparedCloud:
+        """The cloud from its viewpoint or, where that is not known, from the likeliest place."""
+        if self.cloud.viewpoint is not None or not self.look:
+            return self
+        seen = find_view(self.cloud, self.downsampled(POINTS).surface, -self.origin)
+        if seen.camera is not None:
+            cloud = PointCloud(self.cloud.points, seen.camera, notes=self.cloud.notes)
+        else:
+            cloud = self.cloud.derived(self.cloud.points, np.array(seen.place))
+        return PreparedCloud(cloud, self.origin, seen.view)
+
+    @property
+    def seen_from(self) -> SensorView:
+        """How it is known where the cloud was seen from."""
+        return given_view(self.cloud) if self.view is None else self.view
 
     @cached_property
     def neighbour_distance(self) -> float:
         """Median distance of a point to its nearest other point, metres; 0 of a single one."""
         if len(self) < 2:
             return 0.0
-        some = np.ascontiguousarray(some_of(self.points, SPACING_SAMPLE))
-        distance, _ = self.tree.query(some, k=2)
+        distance, _ = self.tree.query(some_of(self.points, SPACING_SAMPLE), k=2)
         return float(np.median(distance[:, 1]))
+
+    def require_registrable(self, name: str) -> None:
+        """Refuse a cloud that no rigid motion can be found from; it is looked at once.
+
+        Raises
+        ------
+        InputError
+            As :func:`hmrf_icp.clouds.cloud.require_registrable`.
+        """
+        self._once("registrable", lambda: require_registrable(self.cloud, name))
 
     def downsampled(self, most: int) -> PreparedCloud:
         """Return about ``most`` of the points, prepared; the same cloud where it has no more."""
-        step = downsample.step(self.cloud, most)
-        if step <= 1:
-            return self
-        key = ("downsampled", step if self.cloud.organised else most)
-        return self._once(key, lambda: PreparedCloud(downsample.downsample(self.cloud, most)))
+        return self if len(self) <= most else self._fewer(most)[0]
 
     def representatives(self, most: int) -> NDArray[np.intp]:
         """Tell which point of the downsampled cloud stands for each observed one of the whole.
@@ -112,10 +179,14 @@ class PreparedCloud:
         -------
         (M,) rows of ``downsampled(most).points``.
         """
-        few = self.downsampled(most)
-        if few is self:
-            return np.arange(len(self))
-        return downsample.representatives(self.cloud, few.cloud, lambda: few.tree)
+        return np.arange(len(self)) if len(self) <= most else self._fewer(most)[1]
+
+    def _fewer(self, most: int) -> tuple[PreparedCloud, NDArray[np.intp]]:
+        def build() -> tuple[PreparedCloud, NDArray[np.intp]]:
+            few, representative = downsample(self.cloud, most)
+            return PreparedCloud(few, self.origin, self.view, self.look), representative
+
+        return self._once(("downsampled", most), build)
 
     def closest_table(self, count: int, cells: int, margin: int) -> ClosestTable:
         """Return a table of space that knows the closest of about ``count`` of the points."""
@@ -129,12 +200,16 @@ class PreparedCloud:
             self._derived[key] = build()
         return cast(T, self._derived[key])
 
-    def __reduce__(self) -> tuple[type[PreparedCloud], tuple[PointCloud, Array]]:
+    def __reduce__(self) -> tuple[type[PreparedCloud], tuple[Any, ...]]:
         """Pickle and copy the cloud alone: what was derived is worked out again."""
-        return PreparedCloud, (self.cloud, self.origin)
+        return PreparedCloud, (self.cloud, self.origin, self.view, self.look)
 
 
-def prepare(cloud: PreparedCloud | PointCloudLike, name: str = "cloud") -> PreparedCloud:
+def prepare(
+    cloud: PreparedCloud | PointCloudLike,
+    name: str = "cloud",
+    viewpoint: ArrayLike | Literal["auto"] | None = "auto",
+) -> PreparedCloud:
     """Prepare a cloud to be registered, once for many registrations.
 
     Parameters
@@ -143,6 +218,10 @@ def prepare(cloud: PreparedCloud | PointCloudLike, name: str = "cloud") -> Prepa
         As for :func:`hmrf_icp.register`.
     name
         What an error calls it.
+    viewpoint
+        Where the sensor stood, for a cloud that does not say so itself: (3,) in the cloud's
+        frame, metres; ``"auto"`` to recover it from the points, or the camera from the grid,
+        and to assume the likeliest place where that fails; None to do without.
 
     Raises
     ------
@@ -157,15 +236,24 @@ def prepare(cloud: PreparedCloud | PointCloudLike, name: str = "cloud") -> Prepa
     100
     """
     if isinstance(cloud, PreparedCloud):
+        cloud.require_registrable(name)
         return cloud
     given = as_cloud(cloud, name)
+    look = isinstance(viewpoint, str)
+    if isinstance(viewpoint, str):
+        if viewpoint != "auto":
+            raise InputError(
+                f'viewpoint: expected "auto", None or three numbers, got {viewpoint!r}'
+            )
+    elif viewpoint is not None and given.viewpoint is None:
+        given = replace(given, viewpoint=np.array(viewpoint, dtype=np.float64))
     require_registrable(given, name)
     some = some_of(given.observed_points)
     centre = np.median(some, axis=0)
     size = float(np.median(np.linalg.norm(some - centre, axis=1)))
     if given.camera is not None or np.linalg.norm(centre) <= FAR * size:
-        return PreparedCloud(given)
+        return PreparedCloud(given, look=look)
     # Whole units keep the digits that coordinates of few decimals have.
     origin = np.round(centre)
-    viewpoint = None if given.viewpoint is None else given.viewpoint - origin
-    return PreparedCloud(PointCloud(given.points - origin, None, viewpoint), origin)
+    stood = None if given.viewpoint is None else given.viewpoint - origin
+    return PreparedCloud(given.derived(given.points - origin, stood), origin, look=look)

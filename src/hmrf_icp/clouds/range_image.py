@@ -15,6 +15,7 @@ from numpy.typing import NDArray
 
 from hmrf_icp.clouds.cloud import PointCloud
 from hmrf_icp.clouds.surface import Surface
+from hmrf_icp.errors import InputError
 
 Array = NDArray[np.float64]
 
@@ -52,6 +53,30 @@ class RangeImage:
     tolerance: Array
     facing: Array
 
+    def __post_init__(self) -> None:
+        """Check what would make a compiled loop read outside its arrays.
+
+        Raises
+        ------
+        InputError
+            The arrays do not belong together.
+        """
+        shape = self.depth.shape
+        if len(shape) != 2 or self.row.shape != shape or self.tolerance.shape != shape:
+            raise InputError(
+                "range image: expected depth, row and tolerance of one shape (H, W), "
+                f"got {shape}, {self.row.shape} and {self.tolerance.shape}"
+            )
+        if self.projection.shape != (17,) or self.facing.ndim != 2 or self.facing.shape[1] != 3:
+            raise InputError(
+                "range image: expected a projection (17,) and normals (M, 3), "
+                f"got {self.projection.shape} and {self.facing.shape}"
+            )
+        if self.row.size and int(self.row.max()) >= len(self.facing):
+            raise InputError(
+                f"range image: row {self.row.max()} of {len(self.facing)} points that were seen"
+            )
+
     def wider(self, by: Array) -> RangeImage:
         """Return the same with a tolerance wider by (M,) metres, one entry a point seen."""
         return replace(self, tolerance=self.tolerance + np.where(self.row < 0, 0.0, by[self.row]))
@@ -62,13 +87,27 @@ class RangeImage:
         Returns
         -------
         (M,) codes of :mod:`hmrf_icp.kernels.range_image`.
+
+        Raises
+        ------
+        InputError
+            There is not one normal a point, or the pose is no (4, 4) matrix.
         """
+        from hmrf_icp.kernels.compiled import read_only
         from hmrf_icp.kernels.range_image import classify
 
+        points, normals = (np.ascontiguousarray(a, dtype=np.float64) for a in (points, normals))
+        if points.ndim != 2 or points.shape[1] != 3 or normals.shape != points.shape:
+            raise InputError(
+                "points, normals: expected shape (M, 3) of both, "
+                f"got {points.shape} and {normals.shape}"
+            )
+        if np.shape(pose) != (4, 4):
+            raise InputError(f"pose: expected a 4 x 4 matrix, got shape {np.shape(pose)}")
         code = np.empty(len(points), dtype=np.uint8)
         classify(
-            points,
-            normals,
+            read_only(points),
+            read_only(normals),
             pose,
             self.projection,
             self.depth,

@@ -5,16 +5,14 @@ from __future__ import annotations
 from collections.abc import Callable
 from dataclasses import dataclass
 from functools import cached_property
-from typing import TYPE_CHECKING
 
 import numpy as np
 from numpy.typing import NDArray
 
 from hmrf_icp.clouds.cloud import PointCloud
 from hmrf_icp.clouds.downsample import thinned
-
-if TYPE_CHECKING:
-    from pykdtree.kdtree import KDTree
+from hmrf_icp.clouds.tree import Tree
+from hmrf_icp.errors import InputError
 
 Array = NDArray[np.float64]
 
@@ -29,6 +27,12 @@ THINNING = 3.0
 
 The points of a spinning LiDAR stand close along a ring and far from the next:
 their nearest neighbours are a line, to which any plane fits. Thinned, they reach across.
+"""
+
+FEW_PLANES = 0.1
+"""Share of the points with a normal from their window below which the window is too small.
+
+An image with few pixels left has neighbours farther away than its windows reach.
 """
 
 NOISE_FLOOR = 1e-3
@@ -88,11 +92,12 @@ class Surface:
         return float(np.sqrt(weight @ ((self.points - centre) ** 2).sum(axis=1)))
 
 
-def surface(cloud: PointCloud, tree: Callable[[], KDTree]) -> Surface:
+def surface(cloud: PointCloud, tree: Callable[[], Tree]) -> Surface:
     """Fit a plane to the neighbours of every point.
 
     An organised cloud has its neighbours in a window of the image, those left
-    out that stand behind a jump in depth; any other has them from a k-d tree.
+    out that stand behind a jump in depth; any other has them from a k-d tree,
+    and so has an image with so many holes that hardly a window holds a plane.
     The noise is what the fits leave over, as a power of the distance from the
     sensor (a structured-light camera's grows with its square, a LiDAR's
     hardly), by least squares over the whole cloud.
@@ -103,8 +108,19 @@ def surface(cloud: PointCloud, tree: Callable[[], KDTree]) -> Surface:
         The points.
     tree
         Builds the k-d tree of its observed points where it is needed.
+
+    Raises
+    ------
+    InputError
+        The cloud has no observed point.
     """
-    return _organised(cloud) if cloud.organised else _unorganised(cloud, tree())
+    if len(cloud) == 0:
+        raise InputError("cloud: no point is observed; a surface needs some")
+    if not cloud.organised:
+        return _unorganised(cloud, tree())
+    found = _organised(cloud)
+    planes = np.count_nonzero((found.normals != 0.0).any(axis=1))
+    return found if planes > FEW_PLANES * len(cloud) else _unorganised(cloud, tree())
 
 
 def _organised(cloud: PointCloud) -> Surface:
@@ -115,45 +131,51 @@ def _organised(cloud: PointCloud) -> Surface:
     angle = _angular_step(cloud.points, reach)
     normals, residual, area = fit_window(cloud.points, viewpoint, angle, WINDOW)
     seen = cloud.observed
+    areas = _positive(area[seen])
     return Surface(
         points=cloud.observed_points,
         normals=normals[seen],
-        noise=_noise(reach[seen], residual[seen], np.sqrt(area[seen])),
-        area=area[seen],
+        noise=_noise(reach[seen], residual[seen], np.sqrt(areas)),
+        area=areas,
         oriented=cloud.viewpoint is not None,
         support=(2 * WINDOW + 1) ** 2,
     )
 
 
 def _angular_step(points: Array, reach: Array) -> float:
-    """Median angle between neighbours of the grid, radians, seen from the viewpoint."""
+    """Median angle between neighbours of the grid, radians, seen from the viewpoint.
+
+    Neighbours that coincide are no step, and a point at the viewpoint is at no angle.
+    """
+    reach = np.where(reach > 0.0, reach, np.nan)
     steps = [
         np.linalg.norm(np.diff(points, axis=axis), axis=-1)
         / (reach[1:] if axis == 0 else reach[:, 1:])
         for axis in (0, 1)
     ]
-    both = np.concatenate([step[np.isfinite(step)] for step in steps])
+    both = np.concatenate([step[np.isfinite(step) & (step > 0.0)] for step in steps])
     return float(np.median(both)) if both.size else 1.0
 
 
-def _unorganised(cloud: PointCloud, tree: KDTree) -> Surface:
-    from pykdtree.kdtree import KDTree
+def _positive(area: Array) -> Array:
+    """Give points without an area that of the smallest that has one: each stands for some."""
+    some = area[area > 0.0]
+    return np.maximum(area, some.min() if some.size else 1.0)
 
+
+def _unorganised(cloud: PointCloud, tree: Tree) -> Surface:
     from hmrf_icp.kernels.surface import fit_neighbours
 
     points = cloud.observed_points
-    nearest, _ = tree.query(points, k=2)
-    thin = thinned(points, THINNING * float(np.median(nearest[:, 1])))
+    thin, near = _spread_out(points, tree)
     count = min(NEIGHBOURS, len(thin))
-    distance, index = KDTree(points[thin]).query(points, k=count)
-    index = thin[index]
+    distance, index = near.query(points, k=count)
+    distance, index = distance.reshape(len(points), count), index.reshape(len(points), count)
     known = cloud.viewpoint is not None
     viewpoint = points.mean(axis=0) if cloud.viewpoint is None else cloud.viewpoint
-    normals, residual = fit_neighbours(points, index, viewpoint)
+    normals, residual = fit_neighbours(points, thin[index], viewpoint)
     # A disc that holds all the neighbours before they were thinned: its area shared among them.
-    area = np.pi * distance[:, -1] ** 2 / count * (len(thin) / len(points))
-    floor = area[area > 0].min() if (area > 0).any() else 1.0
-    area = np.maximum(area, floor)
+    area = _positive(np.pi * distance[:, -1] ** 2 / count * (len(thin) / len(points)))
     reach = np.linalg.norm(points - viewpoint, axis=1) if known else np.ones(len(points))
     return Surface(
         points=points,
@@ -163,6 +185,27 @@ def _unorganised(cloud: PointCloud, tree: KDTree) -> Surface:
         oriented=known,
         support=count,
     )
+
+
+def _spread_out(points: Array, tree: Tree) -> tuple[NDArray[np.int64], Tree]:
+    """Rows of the points among which neighbours are looked for, and the tree of those.
+
+    None where another is nearer than :data:`THINNING` says, unless too few were left to fit a
+    plane to; and never two at the same place, which are one place to a plane.
+    """
+    rows = np.arange(len(points))
+    nearest, _ = tree.query(points, k=min(2, len(points)))
+    nearest = nearest.reshape(len(points), -1)[:, -1]
+    if not nearest.min() > 0.0:
+        rows = thinned(points, 0.0)
+        if len(rows) < len(points):
+            tree = Tree(points[rows])
+            nearest, _ = tree.query(points[rows], k=min(2, len(rows)))
+            nearest = nearest.reshape(len(rows), -1)[:, -1]
+    apart = thinned(points[rows], THINNING * float(np.median(nearest)))
+    if len(apart) < NEIGHBOURS:
+        return rows, tree
+    return rows[apart], Tree(points[rows[apart]])
 
 
 def _noise(reach: Array, residual: Array, spacing: Array) -> Array:

@@ -3,11 +3,12 @@
 from __future__ import annotations
 
 import contextlib
+import errno
 import gzip
 import logging
+import re
 import shutil
 import tarfile
-import zlib
 from collections.abc import Callable, Iterator
 from dataclasses import dataclass
 from pathlib import Path, PurePosixPath
@@ -15,6 +16,19 @@ from pathlib import Path, PurePosixPath
 from hmrf_icp.datasets.download import DownloadError, ResumingDownloader
 from hmrf_icp.datasets.sequence import Progress
 from hmrf_icp.errors import InputError, MissingDependencyError
+from hmrf_icp.io.whole import written_whole
+
+_OF_THE_DISK = (
+    errno.ENOSPC,
+    errno.EDQUOT,
+    errno.EROFS,
+    errno.EACCES,
+    errno.EPERM,
+    errno.EIO,
+    errno.EMFILE,
+    errno.ENFILE,
+)
+"""Errors of unpacking that say nothing against the archive."""
 
 
 @dataclass(frozen=True)
@@ -89,7 +103,8 @@ def fetch(
                 work.mkdir(exist_ok=True)  # whoever held the lock has removed it
                 file, digest = _download(archive, recorded, work, progress)
                 unpacked = _unpack(file, archive.folder, work, progress, wanted)
-                recorded.write_text(f"{digest}  {archive.file}\n", encoding="utf-8")
+                with written_whole(recorded) as partial:
+                    partial.write_text(f"{digest}  {archive.file}\n", encoding="utf-8")
                 unpacked.rename(folder)
             shutil.rmtree(work, ignore_errors=True)
     except OSError as error:
@@ -120,7 +135,9 @@ def _download(
         ) from None
     known = archive.sha256
     if known is None and recorded.is_file():
-        known = recorded.read_text(encoding="utf-8").split()[0]
+        # What a full disk left of it is no hash that anything could have.
+        digest = re.match(rb"[0-9a-f]{64}(?=\s)", recorded.read_bytes())
+        known = None if digest is None else digest.group().decode("ascii")
     downloader = ResumingDownloader(work / f"{archive.file}.part", archive.size, progress)
     try:
         with _quiet(pooch.get_logger()):
@@ -160,7 +177,10 @@ def _unpack(
     progress: Progress | None,
     wanted: Callable[[PurePosixPath], bool],
 ) -> Path:
-    """Unpack from the beginning, whatever a killed process left; return the archive's folder."""
+    """Unpack from the beginning, whatever a killed process left; return the archive's folder.
+
+    An archive that cannot be unpacked is removed: kept, it would fail at each start.
+    """
     into = work / "unpacked"
     shutil.rmtree(into, ignore_errors=True)
     into.mkdir()
@@ -173,13 +193,19 @@ def _unpack(
                     _extract(tar, member, into)
                 if progress is not None:
                     progress("unpack", min(stream.tell(), size), size)
-    except (tarfile.TarError, EOFError, zlib.error, gzip.BadGzipFile) as error:
+        if not (into / name).is_dir():
+            raise DownloadError(f"{file}: holds no folder {name}; it was removed")
+    except DownloadError:
+        file.unlink()
+        raise
+    except Exception as error:  # of tarfile, gzip, zlib, or of names that no file can have
+        disk = isinstance(error, OSError) and error.errno in _OF_THE_DISK
+        if disk and not isinstance(error, gzip.BadGzipFile):
+            raise
         file.unlink()
         raise DownloadError(
             f"{file}: a damaged archive ({error}); it was removed, run the same again"
         ) from None
-    if not (into / name).is_dir():
-        raise DownloadError(f"{file}: holds no folder {name}")
     return into / name
 
 
@@ -192,7 +218,8 @@ def _inside(member: tarfile.TarInfo, name: str, file: Path) -> PurePosixPath:
     plain = member.isfile() or member.isdir()
     if not plain or path.is_absolute() or ".." in path.parts or path.parts[:1] != (name,):
         raise DownloadError(
-            f"{file}: refused: {member.name!r} in it is not a plain file or folder within {name}/"
+            f"{file}: refused and removed: {member.name!r} in it is not a plain file or folder "
+            f"within {name}/"
         )
     return PurePosixPath(*path.parts[1:])
 

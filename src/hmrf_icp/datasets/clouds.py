@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from pathlib import Path
 
 import numpy as np
@@ -37,7 +37,7 @@ class CloudFile:
         cloud = read_cloud(self.path)
         if cloud.viewpoint is not None:
             return cloud
-        return PointCloud(cloud.points, viewpoint=np.zeros(3))
+        return replace(cloud, viewpoint=np.zeros(3))
 
 
 def open_clouds(folder: Path) -> Sequence:

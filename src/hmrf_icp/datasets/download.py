@@ -111,8 +111,10 @@ class ResumingDownloader:
         headers = {"Accept-Encoding": "identity"}
         if held:
             headers["Range"] = f"bytes={held}-"
-            if self._validator.exists():
-                headers["If-Range"] = self._validator.read_text(encoding="latin-1")
+            tag = self._validator.read_bytes() if self._validator.exists() else b""
+            # What a full disk left of it would be refused as a header, at each start.
+            if tag and tag.isascii() and tag.decode().isprintable() and tag == tag.strip():
+                headers["If-Range"] = tag.decode()
         with requests.get(url, headers=headers, stream=True, timeout=self.timeout) as answer:
             if answer.status_code == 416 and held:
                 if _whole_size(answer) == held:

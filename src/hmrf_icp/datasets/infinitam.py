@@ -19,7 +19,7 @@ from hmrf_icp.datasets.folders import (
 from hmrf_icp.datasets.formats import Format
 from hmrf_icp.datasets.poses import pair, read_poses
 from hmrf_icp.datasets.sequence import DepthMap, Frame, Scan, Sequence
-from hmrf_icp.datasets.tables import Row, read_rows
+from hmrf_icp.datasets.tables import LARGEST_NUMBER, Row, read_rows
 from hmrf_icp.errors import InputError
 from hmrf_icp.se3 import Array
 
@@ -219,7 +219,7 @@ def _number(row: Row, word: str) -> float:
         value = float(word)
     except ValueError:
         value = np.nan
-    if not np.isfinite(value):
+    if not abs(value) <= LARGEST_NUMBER:  # nor is NaN
         raise InputError(f"{row.place}: found {word!r} among the numbers; expected {_CALIBRATION}")
     return value
 

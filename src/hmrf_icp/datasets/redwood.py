@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import re
 from pathlib import Path
 
 import numpy as np
@@ -90,7 +91,8 @@ def _read_log(path: Path, depth: list[Path]) -> dict[int, Array]:
 
 
 def _index(head: Row) -> int:
-    if len(head.words) == 3 and all(word.lstrip("-").isdigit() for word in head.words):
+    # At most what an integer of 64 bits has: Python counts further, but nothing here does.
+    if len(head.words) == 3 and all(re.fullmatch(r"-?[0-9]{1,18}", word) for word in head.words):
         return int(head.words[0])
     raise head.fail("three integers before a 4 x 4 matrix")
 

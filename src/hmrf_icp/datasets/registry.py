@@ -114,10 +114,15 @@ def open_dataset(
             return _open_named(
                 collection, source, member if colon else collection.default, progress
             )
-    folder = Path(os.path.abspath(Path(source).expanduser()))  # noqa: PTH100 (keeps symlinks)
-    if folder.is_dir():
+    from hmrf_icp.io.files import is_folder
+
+    try:
+        folder = Path(os.path.abspath(Path(source).expanduser()))  # noqa: PTH100 (keeps symlinks)
+    except RuntimeError as error:  # nobody has that name
+        raise InputError(f"{source}: no such folder: {error}") from None
+    if is_folder(folder):
         return _open_folder(folder)
-    if folder.exists():
+    if os.path.exists(folder):  # noqa: PTH110 (False for a name that nothing can have)
         raise InputError(f"{source}: a file, expected a sequence's folder; unpack an archive first")
     raise InputError(f"{source}: no such folder, nor a name; names are {', '.join(names())}")
 

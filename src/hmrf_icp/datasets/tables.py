@@ -11,6 +11,9 @@ import numpy as np
 from hmrf_icp.errors import InputError
 from hmrf_icp.se3 import Array, as_rigid
 
+LARGEST_NUMBER = 1e100
+"""No time or place is written with more; the squares of such numbers are finite."""
+
 
 @dataclass(frozen=True)
 class Row:
@@ -36,13 +39,13 @@ class Row:
         Raises
         ------
         InputError
-            A word is no number, or not finite.
+            A word is no number, or not finite, or as good as infinite.
         """
         try:
             values = np.array([float(word) for word in self.words[start:]])
         except ValueError:
             raise self.fail(expected) from None
-        if not np.isfinite(values).all():
+        if not (np.abs(values) <= LARGEST_NUMBER).all():  # nor is NaN
             raise self.fail(f"{expected}, all finite")
         return values
 

@@ -13,7 +13,7 @@ from hmrf_icp.datasets.folders import camera_from_file, find_camera_file
 from hmrf_icp.datasets.formats import Format
 from hmrf_icp.datasets.poses import quaternion_pose
 from hmrf_icp.datasets.sequence import DepthMap, Frame, Sequence
-from hmrf_icp.datasets.tables import Row, read_rows, require_increasing
+from hmrf_icp.datasets.tables import LARGEST_NUMBER, Row, read_rows, require_increasing
 from hmrf_icp.errors import InputError
 from hmrf_icp.se3 import Array, rigid
 
@@ -81,12 +81,15 @@ def _read_depth_list(folder: Path) -> tuple[list[Row], Array, list[Path]]:
     except ValueError:
         row = next(row for row in rows if not _is_number(row.words[0]))
         raise row.fail("a timestamp in seconds and the name of a depth map") from None
-    if not np.isfinite(shutter).all():
-        raise rows[int(np.isfinite(shutter).argmin())].fail("a finite timestamp")
+    finite = np.abs(shutter) <= LARGEST_NUMBER
+    if not finite.all():
+        raise rows[int(finite.argmin())].fail("a finite timestamp")
     require_increasing(rows, shutter)
+    from hmrf_icp.io.files import is_file
+
     files = [folder / row.words[1] for row in rows]
     for row, file in zip(rows, files, strict=True):
-        if not file.is_file():
+        if not is_file(file):
             raise InputError(f"{row.place}: names {row.words[1]}, but there is no {file}")
     return rows, shutter, files
 

@@ -13,6 +13,7 @@ from typing import Any
 
 from hmrf_icp.errors import InputError
 from hmrf_icp.evaluate.protocol import NONE, Start
+from hmrf_icp.io.files import existing_file
 from hmrf_icp.io.whole import written_whole
 
 DISTRIBUTIONS = (
@@ -188,10 +189,10 @@ def require_same(path: Path, configuration: Configuration) -> None:
         What differs, then and now; or the file is not what `write` wrote.
     """
     try:
-        before = json.loads(path.read_text(encoding="utf-8"))
+        before = json.loads(existing_file(path).read_text(encoding="utf-8"))
         if not isinstance(before, dict):
             raise ValueError("not an object")
-    except (OSError, ValueError) as error:
+    except (OSError, ValueError, RecursionError) as error:
         raise InputError(f"{path}: cannot be read ({error}); begin anew with --fresh") from None
     was, now = _flat(before), _flat(_identity(configuration))
     changed = [

@@ -17,6 +17,7 @@ from hmrf_icp.evaluate import configuration as config
 from hmrf_icp.evaluate import forecast, methods, peers, protocol, work
 from hmrf_icp.evaluate.configuration import Configuration
 from hmrf_icp.evaluate.methods import NamedMethod
+from hmrf_icp.evaluate.plain import require_name
 from hmrf_icp.evaluate.plan import Plan
 from hmrf_icp.evaluate.progress import IN_BYTES, REGISTERING, Progress, silent
 from hmrf_icp.evaluate.protocol import Pair, usual_starts
@@ -133,6 +134,7 @@ def evaluate(
                 found = protocol.spread(found, complete.pairs, complete.seed)
             _write_pairs(folder / PAIRS, found)
         pairs = _read_pairs(folder / PAIRS)
+        _require_known(folder / PAIRS, pairs, source)
         notes = [*source.notes, *alternatives.skipped, *source.gaps(pairs)]
         for note in notes:
             tell(note)
@@ -142,6 +144,8 @@ def evaluate(
         config.write(folder / CONFIG, complete, described)
         plan = Plan(pairs, starts, complete.axes, tuple(m.name for m in everyone))
         with Results(folder / RESULTS, plan) as results:
+            if results.unreadable:
+                tell(_taken_out(folder / RESULTS, results.unreadable))
             if results.count < len(plan):
                 tell(_forecast(plan, results.count, clouds, source, team))
                 _run(complete, source, clouds, plan, results, tuple(extra_methods), team, report)
@@ -222,6 +226,8 @@ def _run(
 
 
 def _require_different(names: Sequence[str]) -> None:
+    for name in names:
+        require_name(name)
     if not names:
         raise InputError("methods: none chosen, and no peer that is installed")
     twice = sorted({name for name in names if names.count(name) > 1})
@@ -285,13 +291,43 @@ def _write_pairs(path: Path, pairs: Sequence[Pair]) -> None:
 
 
 def _read_pairs(path: Path) -> tuple[Pair, ...]:
+    """Read what `_write_pairs` wrote, and refuse what nothing could be registered by."""
+    pairs: list[Pair] = []
     try:
         with path.open(encoding="utf-8", newline="") as stream:
-            return tuple(
-                Pair(int(row["target"]), int(row["source"]), float(row["overlap"]), row["scene"])
-                for row in csv.DictReader(stream)
-            )
-    except (KeyError, TypeError, ValueError) as error:
+            for row in csv.DictReader(stream, strict=True):
+                pair = Pair(
+                    int(row["target"]), int(row["source"]), float(row["overlap"]), row["scene"]
+                )
+                if not 0.0 < pair.overlap <= 1.0:
+                    raise ValueError(f"an overlap of {row['overlap']}, expected above 0, up to 1")
+                pairs.append(pair)
+        if len({pair.name for pair in pairs}) < len(pairs):
+            raise ValueError("a pair is there twice")
+    except (KeyError, TypeError, ValueError, csv.Error) as error:
         raise InputError(
             f"{path}: not a list of pairs ({error}); begin anew with --fresh"
         ) from None
+    return tuple(pairs)
+
+
+def _require_known(path: Path, pairs: Sequence[Pair], source: PairSource) -> None:
+    """Refuse pairs that the data set has not got."""
+    for pair in pairs:
+        try:
+            source.posed(pair)
+        except InputError:
+            raise InputError(
+                f"{path}: the pair {pair.name} is not one of the recording's frames; begin anew "
+                "with --fresh"
+            ) from None
+
+
+def _taken_out(path: Path, lines: Sequence[tuple[int, str]]) -> str:
+    """Say which rows could not be read."""
+    place, text = lines[0]
+    more = f" and {len(lines) - 1} more lines" if len(lines) > 1 else ""
+    return (
+        f"{path}, line {place}: cannot be read: {text!r}{more}; taken out, and what is missing "
+        "is done again"
+    )

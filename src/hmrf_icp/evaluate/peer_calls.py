@@ -47,7 +47,7 @@ def _open3d_cloud(cloud: Prepared) -> Any:
     def build() -> Any:
         import open3d as o3d
 
-        made = o3d.geometry.PointCloud(o3d.utility.Vector3dVector(cloud.points))
+        made = o3d.geometry.PointCloud(o3d.utility.Vector3dVector(np.array(cloud.points)))
         made.estimate_normals(o3d.geometry.KDTreeSearchParamKNN(NEIGHBOURS))
         return made
 
@@ -196,7 +196,7 @@ def _features(cloud: Prepared, voxel: float) -> tuple[Any, Any]:
     def build() -> tuple[Any, Any]:
         import open3d as o3d
 
-        made = o3d.geometry.PointCloud(o3d.utility.Vector3dVector(cloud.points))
+        made = o3d.geometry.PointCloud(o3d.utility.Vector3dVector(np.array(cloud.points)))
         made = made.voxel_down_sample(voxel)
         near, around = (
             o3d.geometry.KDTreeSearchParamHybrid(radius=radius * voxel, max_nn=count)

@@ -16,6 +16,7 @@ from numpy.typing import NDArray
 
 from hmrf_icp import se3
 from hmrf_icp.clouds.cloud import PointCloud
+from hmrf_icp.clouds.tree import Tree
 from hmrf_icp.errors import InputError
 
 Array = NDArray[np.float64]
@@ -166,9 +167,7 @@ def perturbed(truth: Array, centroid: Array, axes: Axes, axis: int, start: Start
 
 def neighbour_distance(points: Array) -> Array:
     """Distance (N,) of each point to its nearest neighbour in its own cloud, metres."""
-    from pykdtree.kdtree import KDTree
-
-    distance, _ = KDTree(points).query(points, k=2)
+    distance, _ = Tree(points).query(points, k=2)
     return np.asarray(distance[:, 1])
 
 
@@ -190,13 +189,11 @@ def overlap(
     neighbours
         ``neighbour_distance(source.observed_points)`` where it is known already.
     """
-    from pykdtree.kdtree import KDTree
-
     points = source.observed_points
     if len(points) < 2 or len(target) == 0:
         return 0.0
     reach = NEIGHBOUR_FACTOR * (neighbour_distance(points) if neighbours is None else neighbours)
-    distance, _ = KDTree(target.observed_points).query(se3.transform(truth, points))
+    distance, _ = Tree(target.observed_points).query(se3.transform(truth, points))
     return float(np.mean(distance < reach))
 
 

@@ -16,8 +16,10 @@ import numpy as np
 from numpy.typing import NDArray
 
 from hmrf_icp.errors import InputError
+from hmrf_icp.evaluate.plain import cell, plain
 from hmrf_icp.evaluate.plan import Plan, Run
 from hmrf_icp.evaluate.protocol import Start
+from hmrf_icp.io.files import reading
 from hmrf_icp.io.whole import written_whole
 
 COLUMNS = (
@@ -40,6 +42,17 @@ COLUMNS = (
     "fitness",
     "failure",
 )
+
+NUMBERS = (
+    "error_m",
+    "error_rad",
+    "iterations",
+    "em_iterations",
+    "seconds",
+    "confidence",
+    "fitness",
+)
+"""Columns that hold a number or nothing."""
 
 HEADER = (",".join(COLUMNS) + "\n").encode()
 
@@ -94,7 +107,7 @@ class Row:
             "" if self.converged is None else str(self.converged),
             _short(self.confidence),
             _short(self.fitness),
-            " ".join(self.failure.split()),
+            cell(self.failure),
         )
 
 
@@ -106,8 +119,8 @@ class Results:
     """The file while an evaluation writes it; use it in a ``with`` block.
 
     Rows are appended whole and flushed to the disk before the next are begun. A last
-    line that a killed process left half-written is cut off on opening, and its
-    run counts as not done.
+    line that a killed process left half-written is cut off on opening, a line that cannot be
+    read (a disk or an editor broke it) is taken out, and their runs count as not done.
 
     Parameters
     ----------
@@ -115,6 +128,11 @@ class Results:
         ``results.csv``; made with its header if it is not there.
     plan
         What its rows may be about.
+
+    Attributes
+    ----------
+    unreadable
+        Number and beginning of the lines that were taken out.
 
     Raises
     ------
@@ -127,6 +145,7 @@ class Results:
         self.plan = plan
         self.done = bytearray(len(plan))
         self.count = 0
+        self.unreadable: list[tuple[int, str]] = []
         # Appending only, whatever else happens to the file.
         self._stream: BinaryIO = path.open("a+b", buffering=0)
         try:
@@ -160,23 +179,48 @@ class Results:
                         "--fresh to begin anew"
                     )
                 end += len(line)
-                if place > 0:
-                    self._note(self._number(line, place + 1))
+                number = self._number(line, place + 1) if place > 0 else -1
+                if number is None:
+                    text = plain(line[:80].decode(errors="replace"))
+                    self.unreadable.append((place + 1, text))
+                elif number >= 0:
+                    self._note(number)
         self._stream.truncate(end)
+        if self.unreadable:
+            self._take_out({place for place, _ in self.unreadable})
         if end == 0:
             self._write(HEADER)
 
-    def _number(self, line: bytes, place: int) -> int:
+    def _take_out(self, places: set[int]) -> None:
+        """Write the file again without some of its lines."""
+        with written_whole(self.path) as partial, partial.open("wb") as new:
+            for _, place, line in _lines(self.path):
+                if place not in places:
+                    new.write(line)
+            new.flush()
+            os.fsync(new.fileno())
+        self._stream.close()
+        self._stream = self.path.open("a+b", buffering=0)
+
+    def _number(self, line: bytes, place: int) -> int | None:
+        """Return the number of the run that a line is about; None where it is not a whole row.
+
+        Raises
+        ------
+        InputError
+            A row, but of a run that is not in the plan.
+        """
         try:
-            cells = next(csv.reader([line.decode()]))
-            pair, angle, translation, axis, method = (
-                cells[COLUMNS.index(name)]
-                for name in ("pair", "angle", "translation", "axis", "method")
-            )
-            if len(cells) != len(COLUMNS):
-                raise ValueError(cells)
-            return self.plan.number(pair, Start.of_cells(angle, translation), int(axis), method)
-        except (ValueError, IndexError, KeyError, StopIteration, InputError):
+            (cells,) = csv.reader([line.decode()], strict=True)
+            row = dict(zip(COLUMNS, cells, strict=True))
+            start, axis = Start.of_cells(row["angle"], row["translation"]), int(row["axis"])
+            for name in NUMBERS:
+                float(row[name] or "nan")
+        except (ValueError, csv.Error):
+            return None
+        try:
+            return self.plan.number(row["pair"], start, axis, row["method"])
+        except KeyError:
             raise InputError(
                 f"{self.path}, line {place}: not a row of this evaluation: "
                 f"{line[:80].decode(errors='replace').strip()!r}; remove the line and its run is "
@@ -211,10 +255,9 @@ class Results:
         """
         offset: NDArray[np.int64] = np.full(len(self.plan), -1, dtype=np.int64)
         for at, place, line in _lines(self.path):
-            if place > 1:
-                number = self._number(line, place)
-                if offset[number] < 0:
-                    offset[number] = at
+            number = self._number(line, place) if place > 1 else None
+            if number is not None and offset[number] < 0:
+                offset[number] = at
         with (
             written_whole(self.path) as partial,
             self.path.open("rb") as old,
@@ -238,8 +281,14 @@ def _lines(path: Path) -> Iterator[tuple[int, int, bytes]]:
 
 
 def read_rows(path: Path, columns: Sequence[str]) -> Iterator[tuple[str, ...]]:
-    """Yield some columns of a file of rows, as text, one row at a time."""
-    with path.open(encoding="utf-8", newline="") as stream:
+    """Yield some columns of a file of rows, as text, one row at a time.
+
+    Raises
+    ------
+    InputError
+        It is not one.
+    """
+    with reading(path, "a file of results"), path.open(encoding="utf-8", newline="") as stream:
         reader = csv.reader(stream)
         header = next(reader)
         places = [header.index(name) for name in columns]

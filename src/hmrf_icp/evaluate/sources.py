@@ -238,7 +238,7 @@ class ListSource:
         pairs = tuple(
             Pair(target, source, share, place)
             for (place, target, source), share in overlaps.items()
-            if share is not None and share >= configuration.minimum_overlap
+            if share is not None and share > 0 and share >= configuration.minimum_overlap
         )
         if not pairs:
             raise InputError(

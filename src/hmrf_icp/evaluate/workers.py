@@ -9,7 +9,14 @@ import time
 from abc import ABC, abstractmethod
 from collections import deque
 from collections.abc import Callable, Iterable, Iterator
-from concurrent.futures import FIRST_COMPLETED, CancelledError, Executor, Future, wait
+from concurrent.futures import (
+    FIRST_COMPLETED,
+    CancelledError,
+    Executor,
+    Future,
+    ThreadPoolExecutor,
+    wait,
+)
 from concurrent.futures.process import BrokenProcessPool
 from dataclasses import dataclass
 from types import TracebackType
@@ -224,8 +231,9 @@ class ClusterWorkers(Workers):
             ) from None
         connect: Any = distributed.Client
         try:
+            _require_answer(self._address)
             self._client = connect(self._address, timeout=CONNECTION_SECONDS, set_as_default=False)
-        except (OSError, ValueError) as error:
+        except Exception as error:  # whatever a program that is no scheduler says
             raise InputError(
                 f"scheduler: no Dask scheduler answers at {self._address} ({error}); start one "
                 "with `dask scheduler` and give the address that it prints"
@@ -258,6 +266,36 @@ class ClusterWorkers(Workers):
         import distributed
 
         return isinstance(error, distributed.KilledWorker)
+
+
+def _require_answer(address: str) -> None:
+    """Shake hands once with whoever listens there.
+
+    Dask's own client gives up after its timeout where nothing listens, and never where something
+    accepts a connection and says nothing: a wrong port, a scheduler that is stopped.
+
+    Raises
+    ------
+    Whatever comes of it; TimeoutError after `CONNECTION_SECONDS`.
+    """
+    import asyncio
+
+    import distributed
+
+    library: Any = distributed
+
+    async def shake() -> None:
+        arguments = library.Security().get_connection_args("client")
+        meeting = library.comm.connect(address, timeout=CONNECTION_SECONDS, **arguments)
+        try:
+            comm = await asyncio.wait_for(meeting, CONNECTION_SECONDS)
+        except asyncio.TimeoutError:
+            raise TimeoutError(f"no answer within {CONNECTION_SECONDS:g} s") from None
+        await comm.close()
+
+    # In a thread of its own: this one may have an event loop already, as notebooks do.
+    with ThreadPoolExecutor(1) as thread:
+        thread.submit(lambda: asyncio.run(shake())).result()
 
 
 def outcomes(

@@ -9,8 +9,7 @@ from __future__ import annotations
 
 import math
 from dataclasses import dataclass, field
-from types import MappingProxyType
-from typing import Literal
+from typing import Literal, NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
@@ -28,6 +27,7 @@ from hmrf_icp.field.graph import (
     ring_graph,
 )
 from hmrf_icp.field.residuals import Residual, residual
+from hmrf_icp.frozen import FrozenDict
 from hmrf_icp.loop.match import Matches
 from hmrf_icp.loop.reject import Labels, Reject
 
@@ -39,8 +39,20 @@ CHOOSING = (0, 1, 4, 16, 64)
 PRIOR_SAMPLE = 5000
 """About so many points, evenly chosen, tell what there is to learn of the prior."""
 
+OUTLIER_FLOOR = 10.0
+"""Least scale of the outliers, in least scales of the inliers: with ``scale_floor`` as it is, the
+target's spacing, within which a point without a counterpart is seldom of any."""
+
 EVIDENT = 30
 """Points that the evidence must leave at least to be the first inliers."""
+
+
+class Theta(NamedTuple):
+    """What EM learns: the two distributions, and the prior of the labels."""
+
+    inlier: Residual
+    outlier: Residual
+    prior: BetaPrior
 
 
 @dataclass(frozen=True)
@@ -223,27 +235,43 @@ class _Em:
             raise InputError("label_log_odds: expected log-odds without NaN; 0 says nothing")
 
         inlier, outlier = self._kinds(y, iteration)
-        everything = np.ones_like(y)
         # A component without weight keeps what it was; at first that is a fit to everything.
-        inlier = inlier.fit(y, everything, self._smallest)
-        outlier = outlier.fit(y, everything, self._smallest)
-        prior = self._first_prior(iteration)
+        theta = Theta(inlier, outlier, self._first_prior(iteration))
+        theta = self._fitted(theta, y, np.ones_like(y), np.ones_like(y))
         older = z
-        taken = 0
-        while taken < steps:
+        taken, converged = 0, False
+        while taken < steps and not converged:
             taken += 1
-            inlier = inlier.fit(y, 0.5 * (1.0 + z), self._smallest)
-            outlier = outlier.fit(y, 0.5 * (1.0 - z), self._smallest)
-            prior = self._prior(prior, z)
-            log_odds = inlier.log_density(y) - outlier.log_density(y) + prior.log_odds + evidence
+            theta = self.m_step(theta, y, z)
             oldest, older = older, z
-            z, _ = self._neighbours.steps(
-                log_odds, older, np.array([prior.beta]), model.update, -1.0
-            )
+            z = self.e_step(theta, y, older, evidence)
             sign = z > 0
-            if np.array_equal(sign, older > 0) or np.array_equal(sign, oldest > 0):
-                break
-        return Labels(z, taken, self._report(inlier, outlier, prior, iteration))
+            converged = np.array_equal(sign, older > 0) or np.array_equal(sign, oldest > 0)
+        return Labels(z, taken, self._report(theta, iteration), converged or steps == 0)
+
+    def m_step(self, theta: Theta, y: Array, z: Array) -> Theta:
+        """M-step: fit both distributions to the distances (M,), weighed by the labels (M,)."""
+        fitted = self._fitted(theta, y, 0.5 * (1.0 + z), 0.5 * (1.0 - z))
+        return fitted._replace(prior=self._prior(theta.prior, z))
+
+    def e_step(self, theta: Theta, y: Array, z: Array, evidence: Array) -> Array:
+        """E-step: expected labels (M,) from the distances, the evidence and the neighbours'."""
+        likelihood = theta.inlier.log_density(y) - theta.outlier.log_density(y)
+        log_odds = likelihood + theta.prior.log_odds + evidence
+        beta = np.array([theta.prior.beta])
+        labels, _ = self._neighbours.steps(log_odds, z, beta, self._model.update, -1.0)
+        return labels
+
+    def _fitted(self, theta: Theta, y: Array, inside: Array, outside: Array) -> Theta:
+        """Fit each distribution with its weights (M,).
+
+        Where every distance is far below the floor, as of a cloud on itself, both
+        distributions would end at one floor and say nothing, or the opposite.
+        """
+        return theta._replace(
+            inlier=theta.inlier.fit(y, inside, self._smallest),
+            outlier=theta.outlier.fit(y, outside, OUTLIER_FLOOR * self._smallest),
+        )
 
     def _kinds(self, y: Array, iteration: int) -> tuple[Residual, Residual]:
         """Kinds of the distributions; where they are chosen, at iterations 0, 1, 4, 16..."""
@@ -282,13 +310,11 @@ class _Em:
         )
 
     @staticmethod
-    def _report(
-        inlier: Residual, outlier: Residual, prior: BetaPrior, iteration: int
-    ) -> MappingProxyType[str, float]:
+    def _report(theta: Theta, iteration: int) -> FrozenDict:
         """Say what was learnt: lengths in metres; beta, share and shapes without a unit."""
-        learnt = {f"inlier_{k}": v for k, v in inlier.parameters.items()}
-        learnt |= {f"outlier_{k}": v for k, v in outlier.parameters.items()}
-        learnt["beta"] = prior.beta
-        learnt["share"] = 1.0 / (1.0 + math.exp(-prior.log_odds))
+        learnt = {f"inlier_{k}": v for k, v in theta.inlier.parameters.items()}
+        learnt |= {f"outlier_{k}": v for k, v in theta.outlier.parameters.items()}
+        learnt["beta"] = theta.prior.beta
+        learnt["share"] = 1.0 / (1.0 + math.exp(-theta.prior.log_odds))
         learnt["iteration"] = float(iteration)
-        return MappingProxyType(learnt)
+        return FrozenDict(learnt)

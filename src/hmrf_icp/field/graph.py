@@ -13,6 +13,7 @@ from typing import Literal, Protocol
 import numpy as np
 from numpy.typing import NDArray
 
+from hmrf_icp.clouds.tree import Tree
 from hmrf_icp.errors import InputError
 
 Array = NDArray[np.float64]
@@ -59,8 +60,10 @@ class PixelGrid:
 
     def __post_init__(self) -> None:
         """Refuse what is no image."""
-        if np.ndim(self.observed) != 2:
-            raise InputError(f"observed: expected shape (H, W), got {np.shape(self.observed)}")
+        observed = np.array(self.observed, dtype=np.bool_)
+        if observed.ndim != 2:
+            raise InputError(f"observed: expected shape (H, W), got {observed.shape}")
+        object.__setattr__(self, "observed", observed)
 
     @cached_property
     def _place(self) -> NDArray[np.intp]:
@@ -74,6 +77,7 @@ class PixelGrid:
 
     def sums(self, z: Array) -> Array:
         """sum_i' z_i' over the four neighbours of every point, (M,)."""
+        z = one_a_point("z", z, self.size)
         height, width = self.observed.shape
         field = np.zeros((height + 2, width + 2))
         inner = field[1:-1, 1:-1]
@@ -87,6 +91,7 @@ class PixelGrid:
         """Mean-field steps; sequential means the two colours of a checkerboard in turn."""
         from hmrf_icp.kernels import mean_field as kernel
 
+        log_odds, z, beta = of_steps(log_odds, z, beta, self.size)
         run = kernel.grid_sequential if update == "sequential" else kernel.grid_simultaneous
         new, taken = run(self._place, self.observed.shape, log_odds, z, beta, least)
         return new, int(taken)
@@ -168,7 +173,7 @@ class NeighbourGraph:
         """sum_i' w_ii' z_i' of every point, (M,)."""
         from hmrf_icp.kernels import mean_field as kernel
 
-        z = np.ascontiguousarray(z, dtype=np.float64)
+        z = one_a_point("z", z, self.size)
         return np.asarray(kernel.graph_sums(self.indptr, self.indices, self.weights, z))
 
     def steps(
@@ -177,12 +182,41 @@ class NeighbourGraph:
         """Mean-field steps; sequential means one colour after the other."""
         from hmrf_icp.kernels import mean_field as kernel
 
+        log_odds, z, beta = of_steps(log_odds, z, beta, self.size)
         graph = (self.indptr, self.indices, self.weights)
         if update == "sequential":
             new, taken = kernel.graph_sequential(*graph, *self._colours, log_odds, z, beta, least)
         else:
             new, taken = kernel.graph_simultaneous(*graph, log_odds, z, beta, least)
         return new, int(taken)
+
+
+def of_steps(log_odds: Array, z: Array, beta: Array, size: int) -> tuple[Array, Array, Array]:
+    """Return log-odds (M,), labels (M,) and strengths (steps,) as the compiled loops take them.
+
+    Raises
+    ------
+    InputError
+        One of them has another shape.
+    """
+    strength = np.ascontiguousarray(beta, dtype=np.float64)
+    if strength.ndim != 1:
+        raise InputError(f"beta: expected one number a step, got shape {strength.shape}")
+    return one_a_point("log_odds", log_odds, size), one_a_point("z", z, size), strength
+
+
+def one_a_point(name: str, values: Array, size: int) -> Array:
+    """Return values (M,) as the compiled loops take them.
+
+    Raises
+    ------
+    InputError
+        There are more or fewer.
+    """
+    array = np.ascontiguousarray(values, dtype=np.float64)
+    if array.shape != (size,):
+        raise InputError(f"{name}: expected shape ({size},), one a point, got {array.shape}")
+    return array
 
 
 def grid_graph(observed: NDArray[np.bool_]) -> NeighbourGraph:
@@ -242,8 +276,6 @@ def nearest_graph(points: Array, k: int = 6) -> NeighbourGraph:
     InputError
         There are no points, or ``k`` is less than 1.
     """
-    from pykdtree.kdtree import KDTree
-
     from hmrf_icp.kernels import graph as kernel
 
     points = np.ascontiguousarray(points, dtype=np.float64)
@@ -253,8 +285,8 @@ def nearest_graph(points: Array, k: int = 6) -> NeighbourGraph:
         raise InputError("points: expected finite coordinates; leave out unobserved points")
     if k < 1:
         raise InputError(f"k: expected a number of neighbours of 1 or more, got {k}")
-    _, index = KDTree(points).query(points, k=min(k + 1, len(points)))
-    nearest = _without_itself(np.asarray(index, dtype=np.int64).reshape(len(points), -1))
+    _, index = Tree(points).query(points, k=min(k + 1, len(points)))
+    nearest = _without_itself(index.reshape(len(points), -1))
     indptr, indices = kernel.mutual_or_either(nearest)
     weights = kernel.balanced_weights(indptr, indices, FULL_ROW, BALANCING_ROUNDS)
     return NeighbourGraph(indptr, indices, weights)

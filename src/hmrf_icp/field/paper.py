@@ -9,7 +9,6 @@ finds the expected labels and the parameters.
 from __future__ import annotations
 
 from dataclasses import dataclass
-from types import MappingProxyType
 from typing import Literal, NamedTuple
 
 import numpy as np
@@ -17,6 +16,7 @@ from numpy.typing import NDArray
 
 from hmrf_icp.clouds.prepared import PreparedCloud
 from hmrf_icp.errors import InputError
+from hmrf_icp.frozen import FrozenDict
 from hmrf_icp.loop.match import Matches
 from hmrf_icp.loop.reject import Labels, Reject
 
@@ -173,17 +173,18 @@ class Grid:
         older[...] = newest
         floor = max(SIGMA_FLOOR * float(y.max()), SIGMA_FLOOR_ABSOLUTE)
         theta = floored(m_step(y, z), floor)
-        learnt, taken = theta, 0
+        learnt, taken, converged = theta, 0, most_steps == 0
         while taken < most_steps:
             taken += 1
             learnt = theta
             newest, older, oldest = self._e_step(theta, beta, newest, older, oldest)
             sums = self._sums.sum(axis=0)
             if sums[self._columns.CHANGED] == 0 or sums[self._columns.CHANGED_TWO] == 0:
+                converged = True
                 break
             theta = floored(self._m_step(sums, theta), floor)
         values = newest[1:-1, 1:-1][self._mask].astype(np.float64)
-        return Labels(values, taken, MappingProxyType(learnt._asdict()))
+        return Labels(values, taken, FrozenDict(learnt._asdict()), converged)
 
     def _e_step(
         self, theta: Theta, beta: float, z: Array, older: Array, spare: Array

@@ -213,8 +213,7 @@ def _draw_clouds(
     _title(
         right,
         "After registration",
-        ("" if result.converged else "not converged: ")
-        + f"{result.iterations} iterations, overlap {result.overlap:.0%}, "
+        f"{_verdict(result)}, overlap {result.overlap:.0%}, "
         f"inlier RMSE {_length(result.inlier_rmse)}",
     )
     _legend(
@@ -375,6 +374,15 @@ def _note_unobserved(figure: Figure) -> None:
 def _inlier_share(z: Array) -> float:
     """Share of the observed points with z > 0."""
     return float(np.mean(z[~np.isnan(z)] > 0))
+
+
+def _verdict(result: RegistrationResult) -> str:
+    """Say whether the pose is to be believed, in the room that a title has."""
+    if result.confidence is not None:
+        words = "confidence" if result.believed else "NOT convincing, confidence"
+        return f"{words} {result.confidence:.2f}"
+    state = "converged" if result.converged else "not converged"
+    return f"{state}, {result.iterations} iterations"
 
 
 def _length(metres: float) -> str:

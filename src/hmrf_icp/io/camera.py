@@ -110,17 +110,17 @@ def read_intrinsics(path: str | os.PathLike[str]) -> Intrinsics:
         return Intrinsics(read_matrix(file, (3, 3), _EXPECTED), str(file))
     try:
         content: Any = json.loads(text)
-    except ValueError as error:
+    except (ValueError, RecursionError) as error:
         raise InputError(f"{file}: malformed JSON ({error}); {_EXPECTED}") from None
-    content = content.get("intrinsic", content)
     try:
+        content = content.get("intrinsic", content)
         matrix = np.array(content["intrinsic_matrix"], dtype=np.float64).reshape(3, 3, order="F")
         width, height = content["width"], content["height"]
-        if not isinstance(width, int) or not isinstance(height, int):
+        if type(width) is not int or type(height) is not int:
             raise TypeError("width and height are not whole numbers")
     except KeyError as error:
         raise InputError(f"{file}: the JSON has no {error.args[0]!r}; {_EXPECTED}") from None
-    except (TypeError, ValueError, AttributeError) as error:
+    except (TypeError, ValueError, AttributeError, OverflowError) as error:
         raise InputError(f"{file}: {error}; {_EXPECTED}") from None
     if matrix[2, :2].any() and not matrix[:2, 2].any():
         raise InputError(

@@ -25,6 +25,7 @@ _READERS: dict[str, Callable[[Path], PointCloud]] = {
     ".ply": read_ply,
     ".pcd": read_pcd,
     ".xyz": read_text,
+    ".xyzn": read_text,
     ".csv": read_text,
     ".txt": read_text,
     ".npz": read_npz,
@@ -34,6 +35,7 @@ _WRITERS: dict[str, Callable[[Path, PointCloud], None]] = {
     ".ply": write_ply,
     ".pcd": write_pcd,
     ".xyz": write_text,
+    ".xyzn": write_text,
     ".csv": write_text,
     ".txt": write_text,
     ".npy": write_npy,
@@ -45,6 +47,9 @@ READABLE = (*IMAGE_SUFFIXES, ".npy", *_READERS)
 
 WRITABLE = tuple(_WRITERS)
 """Suffixes that `write_cloud` knows."""
+
+_WITH_ATTRIBUTES = (".ply", ".pcd", ".csv", ".npz")
+_WITH_NORMALS = (*_WITH_ATTRIBUTES, ".xyzn")
 
 _TOO_NARROW = 16
 """An array with a side this short is hardly a depth map: rather a table of points."""
@@ -62,7 +67,8 @@ def read_cloud(
     ----------
     path
         A depth map (16-bit PNG or PGM, TIFF, NPY of shape (H, W)) or a cloud
-        (PLY, PCD, XYZ, CSV, TXT, NPZ, NPY of shape (N, 3) or (H, W, 3)).
+        (PLY, PCD, XYZ, XYZN, CSV, TXT, NPZ, NPY of shape (N, 3) or (H, W, 3)). Normals
+        and whatever else a cloud has for each point come along, where the file names them.
     camera
         For a depth map. A cloud has no use for it.
     depth_scale
@@ -154,9 +160,10 @@ def check_writable(path: str | os.PathLike[str]) -> None:
 def write_cloud(path: str | os.PathLike[str], cloud: PointCloud) -> None:
     """Write a cloud in the format of the suffix, whole or not at all.
 
-    PLY (binary), XYZ, TXT and CSV get the observed points alone; PCD (binary),
+    PLY (binary), XYZ, XYZN, TXT and CSV get the observed points alone; PCD (binary),
     NPY and NPZ keep the grid of an organised cloud, with NaN where it is
-    unobserved. NPZ keeps the camera or the viewpoint as well.
+    unobserved. PLY, PCD, CSV and NPZ keep normals and attributes, XYZN the normals. NPZ
+    keeps the camera or the viewpoint as well.
 
     Raises
     ------
@@ -166,3 +173,14 @@ def write_cloud(path: str | os.PathLike[str], cloud: PointCloud) -> None:
     suffix = check_suffix(Path(path), WRITABLE, "write points to")
     with written_whole(path) as partial:
         _WRITERS[suffix](partial, cloud)
+
+
+def dropped(path: str | os.PathLike[str], cloud: PointCloud) -> list[str]:
+    """Name what the cloud has and the format of the suffix has no place for."""
+    suffix = Path(path).suffix.lower()
+    names = []
+    if cloud.normals is not None and suffix not in _WITH_NORMALS:
+        names.append("normals")
+    if suffix not in _WITH_ATTRIBUTES:
+        names += list(cloud.attributes)
+    return names

@@ -12,7 +12,7 @@ from numpy.typing import NDArray
 
 from hmrf_icp.errors import InputError
 from hmrf_icp.io.arrays import read_npy
-from hmrf_icp.io.files import check_suffix, existing_file, quietly, reading
+from hmrf_icp.io.files import check_suffix, existing_file, quietly, reading, require_bounded
 from hmrf_icp.io.pgm import read_pgm
 
 if TYPE_CHECKING:
@@ -29,6 +29,9 @@ MOST_PIXELS = 100_000_000
 
 _PNG_START = b"\x89PNG\r\n\x1a\n"
 _PNG_END = b"IEND\xaeB`\x82"
+_PHOTOMETRIC, _WHITE_IS_ZERO, _SAMPLE_FORMAT = 262, 0, 339
+"""TIFF's numbers of two tags, and what one of them may say."""
+
 _TIFF_STARTS = (b"II*\0", b"MM\0*", b"II+\0", b"MM\0+")
 
 # Pillow's name for a layout of pixels -> what it is in words, for the layouts that cannot be depth.
@@ -95,14 +98,24 @@ def _read_image(path: Path) -> NDArray[Any]:
             # another library has told Pillow to put up with those.
             PngImageFile(io.BytesIO(data)).verify()
             # Some versions of Pillow widen to 32 bits, which would hide that 65535 is the end.
-            return _pixels(path, PngImageFile(io.BytesIO(data))).astype(np.uint16)
+            return _pixels(path, PngImageFile(io.BytesIO(data)), len(data)).astype(np.uint16)
         if data.startswith(_TIFF_STARTS):
             with quietly():
-                return _pixels(path, TiffImageFile(io.BytesIO(data)))
+                image = TiffImageFile(io.BytesIO(data))
+                pixels = _pixels(path, image, len(data))
+            if image.tag_v2.get(_PHOTOMETRIC) == _WHITE_IS_ZERO:
+                raise InputError(
+                    f"{path}: a TIFF image whose zero is white holds distances upside down; write "
+                    "it with zero as black (PhotometricInterpretation 1)"
+                )
+            # Pillow has no unsigned 32 bits, and makes large ones negative.
+            unsigned = image.tag_v2.get(_SAMPLE_FORMAT, (1,))[0] == 1
+            return pixels.view(np.uint32) if unsigned and pixels.dtype == np.int32 else pixels
         raise InputError(f"{path}: not a PNG or TIFF image, its first bytes are {data[:8]!r}")
 
 
-def _pixels(path: Path, image: ImageFile) -> NDArray[Any]:
+def _pixels(path: Path, image: ImageFile, size: int) -> NDArray[Any]:
+    """Decode an image out of ``size`` bytes, if it can be a depth map."""
     bands = len(image.getbands())
     if image.mode in _NOT_DEPTH or bands > 1:
         found = _NOT_DEPTH.get(image.mode, f"an image of {bands} channels ({image.mode})")
@@ -117,5 +130,14 @@ def _pixels(path: Path, image: ImageFile) -> NDArray[Any]:
         raise InputError(
             f"{path}: an image of {image.width} x {image.height} pixels is larger than any depth "
             "map, or its header is damaged"
+        )
+    require_bounded(path, size, image.width * image.height * (2 if "16" in image.mode else 4))
+    # Pillow leaves black what no strip of the file covers.
+    strips = [extents for _, extents, *_ in image.tile if extents is not None]
+    covered = sum((x1 - x0) * (y1 - y0) for x0, y0, x1, y1 in strips)
+    if covered < image.width * image.height:
+        raise InputError(
+            f"{path}: cut short: {image.width} x {image.height} pixels promised, strips of "
+            f"{covered} found"
         )
     return np.array(image)

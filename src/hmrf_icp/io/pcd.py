@@ -14,76 +14,35 @@ would move an aligned cloud off its target.
 
 from __future__ import annotations
 
-from dataclasses import dataclass
 from pathlib import Path
+from typing import Any
 
 import numpy as np
-from numpy.typing import NDArray
 
 from hmrf_icp.clouds.cloud import PointCloud
 from hmrf_icp.errors import InputError
-from hmrf_icp.io.files import reading
-from hmrf_icp.io.lzf import decompress
-
-_KEYS = (
-    "VERSION",
-    "FIELDS",
-    "SIZE",
-    "TYPE",
-    "COUNT",
-    "WIDTH",
-    "HEIGHT",
-    "VIEWPOINT",
-    "POINTS",
-    "DATA",
+from hmrf_icp.io.columns import (
+    AXES,
+    PCD_NORMALS,
+    Columns,
+    Names,
+    cloud_of,
+    columns_of,
+    packed_colours,
+    storable,
 )
-_LONGEST_HEADER = 1 << 16
-_KINDS = {"F": "f", "I": "i", "U": "u"}
+from hmrf_icp.io.files import reading, require_bounded
+from hmrf_icp.io.lzf import decompress
+from hmrf_icp.io.pcd_header import Field, Header, parse_header
+from hmrf_icp.io.words import understood
 
 ROUNDING = 1e-4
 """Single precision is what readers of PCD expect; coordinates it would move by more than this many
 metres (a map's northings, say) are written in double."""
 
 
-@dataclass(frozen=True)
-class _Header:
-    fields: list[str]
-    sizes: list[int]
-    types: list[str]
-    counts: list[int]
-    width: int
-    height: int
-    viewpoint: NDArray[np.float64] | None
-    data: str
-    body: int
-    """Where the points start in the file, bytes."""
-
-    @property
-    def points(self) -> int:
-        return self.width * self.height
-
-    @property
-    def columns(self) -> list[int]:
-        """Which of a point's numbers are x, y and z."""
-        return [sum(self.counts[: self.fields.index(axis)]) for axis in "xyz"]
-
-    def dtype(self, axis: str) -> np.dtype[np.generic]:
-        index = self.fields.index(axis)
-        return np.dtype(f"<{_KINDS[self.types[index]]}{self.sizes[index]}")
-
-    def offset(self, axis: str) -> int:
-        """Bytes of a point that stand before ``axis``."""
-        index = self.fields.index(axis)
-        return sum(s * c for s, c in zip(self.sizes[:index], self.counts[:index], strict=True))
-
-    @property
-    def stride(self) -> int:
-        """Bytes of a point."""
-        return sum(s * c for s, c in zip(self.sizes, self.counts, strict=True))
-
-
 def read_pcd(path: Path) -> PointCloud:
-    """Read x, y and z of a PCD file; organised where its HEIGHT is above 1.
+    """Read a PCD file: x, y and z, and every other field; organised where its HEIGHT is above 1.
 
     Raises
     ------
@@ -92,17 +51,24 @@ def read_pcd(path: Path) -> PointCloud:
     """
     with reading(path, "a PCD file"):
         data = path.read_bytes()
-        header = _parse_header(path, data)
+        header = parse_header(path, data)
         body = data[header.body :]
         if header.data == "ascii":
-            points = _ascii(path, header, body)
+            columns = _ascii(path, header, body)
         elif header.data == "binary":
-            points = _binary(path, header, body)
+            columns = _binary(path, header, body)
         else:
-            points = _compressed(path, header, body)
+            columns = _compressed(path, header, body)
+        points = np.empty((header.points, 3))
+        # A NaN that signals is as good as any other.
+        with np.errstate(invalid="ignore"):
+            for axis, name in enumerate(AXES):
+                points[:, axis] = columns.pop(name)
+        grid: tuple[int, ...] = (header.points,)
         if header.height > 1 and header.width > 1:
-            points = points.reshape(header.height, header.width, 3)
-        return PointCloud(points, viewpoint=header.viewpoint)
+            grid = (header.height, header.width)
+        columns = {n: values.reshape(*grid, *values.shape[1:]) for n, values in columns.items()}
+        return cloud_of(points.reshape(*grid, 3), columns, header.viewpoint)
 
 
 def write_pcd(path: Path, cloud: PointCloud) -> None:
@@ -112,139 +78,100 @@ def write_pcd(path: Path, cloud: PointCloud) -> None:
         single = points.astype("<f4")
     exact = bool(np.nanmax(np.abs(single - points), initial=0.0) <= ROUNDING)
     width, height = (cloud.shape[1], cloud.shape[0]) if cloud.organised else (len(points), 1)
-    size = 4 if exact else 8
+    columns: Columns = dict(zip(AXES, (single if exact else points).T, strict=True))
+    others = packed_colours(columns_of(cloud, PCD_NORMALS))
+    for name, values in others.items():
+        flat = values.reshape(len(points), *values.shape[len(cloud.shape) :])
+        of_normals = name in PCD_NORMALS and cloud.normals is not None
+        with np.errstate(over="ignore", invalid="ignore"):
+            columns[name] = flat.astype(np.float32) if of_normals else storable(flat)
+    kinds = [
+        (name, values.dtype.newbyteorder("<"), values.shape[1:]) for name, values in columns.items()
+    ]
+    table = np.empty(len(points), dtype=kinds)
+    for name, values in columns.items():
+        table[name] = values
     header = (
         "# .PCD v0.7 - Point Cloud Data file format\n"
-        "VERSION 0.7\nFIELDS x y z\n"
-        f"SIZE {size} {size} {size}\n"
-        "TYPE F F F\nCOUNT 1 1 1\n"
+        f"VERSION 0.7\nFIELDS {' '.join(columns)}\n"
+        f"SIZE {' '.join(str(kind.itemsize) for _, kind, _ in kinds)}\n"
+        f"TYPE {' '.join(kind.kind.upper() for _, kind, _ in kinds)}\n"
+        f"COUNT {' '.join(str(shape[0] if shape else 1) for *_, shape in kinds)}\n"
         f"WIDTH {width}\nHEIGHT {height}\n"
         "VIEWPOINT 0 0 0 1 0 0 0\n"
         f"POINTS {len(points)}\n"
         "DATA binary\n"
     )
-    body = single if exact else points.astype("<f8")
-    path.write_bytes(header.encode("ascii") + body.tobytes())
+    path.write_bytes(header.encode("ascii") + table.tobytes())
 
 
-def _parse_header(path: Path, data: bytes) -> _Header:
-    entries: dict[str, list[str]] = {}
-    at = 0
-    while "DATA" not in entries:
-        end = data.find(b"\n", at, _LONGEST_HEADER)
-        if end < 0:
-            raise InputError(f"{path}: not a PCD file, or cut short: its header has no DATA line")
-        words = data[at:end].decode("ascii", "replace").split()
-        at = end + 1
-        if not words or words[0].startswith("#"):
-            continue
-        if words[0] not in _KEYS:
-            raise InputError(f"{path}: not a PCD file: its header has a line {words[0][:40]!r}")
-        entries[words[0]] = words[1:]
-
-    def numbers(key: str, default: list[int] | None = None) -> list[int]:
-        if key not in entries and default is not None:
-            return default
-        try:
-            values = [int(word) for word in entries[key]]
-        except (KeyError, ValueError):
-            raise InputError(
-                f"{path}: the PCD header needs whole numbers for {key}, found "
-                + (" ".join(entries[key]) if key in entries else "no such line")
-            ) from None
-        if not values or min(values) < 0:
-            raise InputError(f"{path}: the PCD header has {key} {' '.join(entries[key])}")
-        return values
-
-    fields = entries.get("FIELDS", [])
-    missing = [axis for axis in "xyz" if axis not in fields]
-    if missing:
-        raise InputError(
-            f"{path}: the PCD file has no field {' or '.join(missing)}, only: {' '.join(fields)}"
-        )
-    sizes, types = numbers("SIZE"), entries.get("TYPE", [])
-    counts = numbers("COUNT", [1] * len(fields))
-    if not len(fields) == len(sizes) == len(types) == len(counts):
-        raise InputError(f"{path}: FIELDS, SIZE, TYPE and COUNT of the PCD header differ in length")
-    for axis in "xyz":
-        index = fields.index(axis)
-        kind = (types[index], sizes[index])
-        known = kind[0] in _KINDS and kind[1] in ((4, 8) if kind[0] == "F" else (1, 2, 4, 8))
-        if not known or counts[index] != 1:
-            raise InputError(
-                f"{path}: the PCD field {axis} is of TYPE {kind[0]}, SIZE {kind[1]}, "
-                f"COUNT {counts[index]}; expected one number such as F of 4 bytes"
-            )
-    height = numbers("HEIGHT", [1])[0]
-    width = numbers("WIDTH", numbers("POINTS", [-1]))[0]
-    promised = numbers("POINTS", [width * height])[0]
-    if width < 0 or promised != width * height:
-        raise InputError(
-            f"{path}: the PCD header promises {promised} points on a grid of {width} x {height}"
-        )
-    kind_of_data = " ".join(entries["DATA"])
-    if kind_of_data not in ("ascii", "binary", "binary_compressed"):
-        raise InputError(f"{path}: the PCD file has DATA {kind_of_data!r}, which is not known")
-    viewpoint = _viewpoint(path, entries.get("VIEWPOINT", []))
-    return _Header(fields, sizes, types, counts, width, height, viewpoint, kind_of_data, at)
-
-
-def _viewpoint(path: Path, words: list[str]) -> NDArray[np.float64] | None:
-    """Where the sensor stood among the points, as far as the header tells (see the module)."""
-    try:
-        pose = np.array(words, dtype=np.float64)
-    except ValueError:
-        raise InputError(f"{path}: the PCD header has VIEWPOINT {' '.join(words)}") from None
-    if pose.shape != (7,) or not np.isfinite(pose).all():
-        return None
-    translation, quaternion = pose[:3], pose[3:]
-    if not translation.any() or not np.allclose(np.abs(quaternion), (1.0, 0.0, 0.0, 0.0)):
-        return None
-    return translation
-
-
-def _promised(path: Path, header: _Header, found: int) -> InputError:
+def _promised(path: Path, header: Header, found: int) -> InputError:
     return InputError(
         f"{path}: cut short: the PCD header promises {header.points} points, the file holds {found}"
     )
 
 
-def _ascii(path: Path, header: _Header, body: bytes) -> NDArray[np.float64]:
-    lines = [line for line in body.decode("ascii").splitlines() if line.strip()]
+def _kept(header: Header) -> dict[str, Field]:
+    """Give each field that is read a name that it has alone."""
+    kept = {}
+    for field in reversed(header.fields):  # x, y and z are the first of that name
+        if field.name in AXES:
+            kept[field.name] = field
+    names = Names(AXES)
+    for field in header.fields:
+        if field.kept and field is not kept.get(field.name):
+            kept[names.free(field.name)] = field
+    return kept
+
+
+def _ascii(path: Path, header: Header, body: bytes) -> Columns:
+    lines = [line for line in understood(body.decode("ascii")).splitlines() if line.strip()]
     if len(lines) < header.points:
         raise _promised(path, header, len(lines))
-    if not header.points:
-        return np.empty((0, 3))
-    width = sum(header.counts)
     rows = lines[: header.points]
     for number, row in enumerate(rows, 1):
-        if len(row.split()) != width:
+        if len(row.split()) != header.numbers:
             raise InputError(
                 f"{path}: point {number} has {len(row.split())} numbers, the PCD header promises "
-                f"{width}"
+                f"{header.numbers}"
             )
-    return np.loadtxt(rows, dtype=np.float64, usecols=header.columns, ndmin=2)
+    kept = _kept(header)
+    if not header.points:
+        return dict.fromkeys(kept, np.empty(0))
+    kinds = [(f"f{i}", *_text_kind(field)) for i, field in enumerate(kept.values())]
+    places = [field.first + k for field in kept.values() for k in range(field.count)]
+    try:
+        table = np.loadtxt(rows, dtype=kinds, usecols=places, comments=None, ndmin=1)
+    except ValueError:
+        # Integers that are none, or too large, in fields that nobody has to have.
+        kinds = [(name, np.dtype(np.float64), shape) for name, _, shape in kinds]
+        table = np.loadtxt(rows, dtype=kinds, usecols=places, comments=None, ndmin=1)
+    return {name: table[f"f{i}"] for i, name in enumerate(kept)}
 
 
-def _binary(path: Path, header: _Header, body: bytes) -> NDArray[np.float64]:
+def _text_kind(field: Field) -> tuple[np.dtype[Any], tuple[int, ...]]:
+    kind = field.dtype if field.name not in AXES and field.type != "F" else np.dtype(np.float64)
+    if field.name in ("rgb", "rgba") and field.type == "F":
+        kind = np.dtype(np.float32)  # four bytes of colour in the disguise of a number
+    return kind, () if field.count == 1 else (field.count,)
+
+
+def _binary(path: Path, header: Header, body: bytes) -> Columns:
     if len(body) < header.points * header.stride:
         raise _promised(path, header, len(body) // header.stride)
-    return _columns(
-        header,
-        [
-            np.ndarray(
-                header.points,
-                header.dtype(axis),
-                body,
-                offset=header.offset(axis),
-                strides=(header.stride,),
-            )
-            for axis in "xyz"
-        ],
-    )
+    return {
+        name: np.ndarray(
+            (header.points, field.count)[: 1 + (field.count > 1)],
+            field.dtype,
+            body,
+            offset=field.offset,
+            strides=(header.stride, field.size)[: 1 + (field.count > 1)],
+        )
+        for name, field in _kept(header).items()
+    }
 
 
-def _compressed(path: Path, header: _Header, body: bytes) -> NDArray[np.float64]:
+def _compressed(path: Path, header: Header, body: bytes) -> Columns:
     """Each field's numbers stand together, one field after the other."""
     if len(body) < 8:
         raise _promised(path, header, 0)
@@ -256,22 +183,12 @@ def _compressed(path: Path, header: _Header, body: bytes) -> NDArray[np.float64]
         )
     if unpacked < header.points * header.stride:
         raise _promised(path, header, unpacked // header.stride)
+    require_bounded(path, packed, unpacked)
     fields = decompress(body[8 : 8 + packed], unpacked)
-    return _columns(
-        header,
-        [
-            np.frombuffer(
-                fields, header.dtype(axis), header.points, header.points * header.offset(axis)
-            )
-            for axis in "xyz"
-        ],
-    )
-
-
-def _columns(header: _Header, columns: list[NDArray[np.generic]]) -> NDArray[np.float64]:
-    points = np.empty((header.points, 3))
-    # A NaN that signals is as good as any other.
-    with np.errstate(invalid="ignore"):
-        for axis, column in enumerate(columns):
-            points[:, axis] = column
-    return points
+    columns: Columns = {}
+    for name, field in _kept(header).items():
+        values = np.frombuffer(
+            fields, field.dtype, header.points * field.count, header.points * field.offset
+        )
+        columns[name] = values if field.count == 1 else values.reshape(header.points, field.count)
+    return columns

@@ -28,7 +28,8 @@ def read_pgm(path: Path) -> NDArray[np.uint16]:
     Raises
     ------
     InputError
-        Not a PGM, 8-bit, cut short, or with a sample above the maximum of its header.
+        Not a PGM, 8-bit, cut short, with more than one image in it, or with a sample
+        that is no whole number from 0 to the maximum of its header.
     """
     with reading(path, "a PGM image"):
         data = path.read_bytes()
@@ -49,10 +50,22 @@ def read_pgm(path: Path) -> NDArray[np.uint16]:
                 f"{path}: a PGM header of {width} x {height} pixels and maximum {maximum} is "
                 "out of range"
             )
-        samples = _samples(data[header.end() :], header.group(1) == b"P5", width * height)
+        body = data[header.end() :]
+        if header.group(1) == b"P5":
+            # A line end that a writer put behind the last sample is no sample.
+            end = 2 * width * height
+            whole = body[:end] if body[end:].isspace() else body
+            samples: NDArray[np.integer] = np.frombuffer(whole, ">u2", len(whole) // 2)
+        else:
+            samples = _plain_samples(path, body)
         if len(samples) < width * height:
             raise InputError(
                 f"{path}: cut short: {width} x {height} pixels promised, {len(samples)} found"
+            )
+        if len(samples) > width * height:
+            raise InputError(
+                f"{path}: {width} x {height} pixels promised, {len(samples)} found: several images "
+                "in one file, several channels, or a wrong size; expected one map of depth"
             )
         if samples.max() > maximum:
             raise InputError(
@@ -61,8 +74,13 @@ def read_pgm(path: Path) -> NDArray[np.uint16]:
     return samples.astype(np.uint16).reshape(height, width)
 
 
-def _samples(body: bytes, binary: bool, count: int) -> NDArray[np.integer]:
-    if binary:
-        return np.frombuffer(body, dtype=">u2", count=min(count, len(body) // 2))
+def _plain_samples(path: Path, body: bytes) -> NDArray[np.int64]:
     numbers = re.sub(rb"#[^\n\r]*", b"", body).split()
-    return np.array(numbers[:count], dtype=np.int64)
+    # Not left to NumPy: it takes -5 for a sample, and 1_0 for ten.
+    odd = next((word for word in numbers if not word.isdigit() or len(word) > 5), None)
+    if odd is not None:
+        raise InputError(
+            f"{path}: a sample of {odd[:20].decode('ascii', 'replace')!r}, expected whole numbers "
+            "up to 65535"
+        )
+    return np.array(numbers, dtype=np.int64)

@@ -8,7 +8,7 @@ triangles of a mesh); only where they differ are they walked one by one.
 from __future__ import annotations
 
 import struct
-from collections.abc import Mapping, Sequence
+from collections.abc import Collection, Mapping
 from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
@@ -18,6 +18,7 @@ from numpy.typing import NDArray
 
 from hmrf_icp.errors import InputError
 from hmrf_icp.io.ply_header import ASCII, Element, Header
+from hmrf_icp.io.words import understood
 
 
 @dataclass(frozen=True)
@@ -31,7 +32,7 @@ class Column:
 
 
 def read_columns(
-    path: Path, header: Header, data: bytes, wanted: Mapping[str, Sequence[str]]
+    path: Path, header: Header, data: bytes, wanted: Mapping[str, Collection[str]]
 ) -> dict[str, dict[str, Column]]:
     """Read the properties ``wanted`` of each element, and step over all else.
 
@@ -72,7 +73,7 @@ def _cut_short(path: Path, element: Element, found: int) -> InputError:
 
 
 def _binary_rows(
-    path: Path, header: Header, element: Element, data: bytes, at: int, wanted: Sequence[str]
+    path: Path, header: Header, element: Element, data: bytes, at: int, wanted: Collection[str]
 ) -> tuple[dict[str, Column], int]:
     """Columns of the element that starts at byte ``at``, and where it ends."""
     lengths: dict[str, int] = {}
@@ -158,7 +159,7 @@ class _Steps:
 
 
 def _walk(
-    path: Path, header: Header, element: Element, data: bytes, at: int, wanted: Sequence[str]
+    path: Path, header: Header, element: Element, data: bytes, at: int, wanted: Collection[str]
 ) -> tuple[dict[str, Column], int]:
     """As `_binary_rows`, for lists of different lengths."""
     steps = _Steps(path, header, element, data)
@@ -185,10 +186,10 @@ def _walk(
 
 
 def _read_text(
-    path: Path, header: Header, data: bytes, wanted: Mapping[str, Sequence[str]]
+    path: Path, header: Header, data: bytes, wanted: Mapping[str, Collection[str]]
 ) -> dict[str, dict[str, Column]]:
     """Read a body of text, a row a line; blank lines are passed over."""
-    text = data[header.body :].decode("ascii", "replace")
+    text = understood(data[header.body :].decode("ascii", "replace"))
     lines = text.replace("\r\n", "\n").replace("\r", "\n").split("\n")
     full = [line for line in lines if line and not line.isspace()]
     columns: dict[str, dict[str, Column]] = {}
@@ -215,7 +216,7 @@ def _read_text(
     return columns
 
 
-def _text_rows(element: Element, rows: list[str], wanted: Sequence[str]) -> dict[str, Column]:
+def _text_rows(element: Element, rows: list[str], wanted: Collection[str]) -> dict[str, Column]:
     """Columns of these lines; raises ValueError where one of them is malformed."""
     if element.has_lists:
         return _text_lists(element, rows, wanted)
@@ -225,13 +226,23 @@ def _text_rows(element: Element, rows: list[str], wanted: Sequence[str]) -> dict
     if table.shape[1] != len(element.properties):
         raise ValueError("another number of columns")
     return {
-        each.name: Column(table[:, index])
+        each.name: Column(_as_promised(table[:, index], each.code))
         for index, each in enumerate(element.properties)
         if each.name in wanted
     }
 
 
-def _text_lists(element: Element, rows: list[str], wanted: Sequence[str]) -> dict[str, Column]:
+def _as_promised(values: NDArray[np.float64], code: str) -> NDArray[Any]:
+    """Give integers of the header their type, if that is what the text holds."""
+    kind = np.dtype(code)
+    if kind.kind == "f" or not np.isfinite(values).all():
+        return values
+    limits = np.iinfo(kind)
+    whole = (values == np.rint(values)) & (values >= limits.min) & (values <= limits.max)
+    return values.astype(kind) if whole.all() else values
+
+
+def _text_lists(element: Element, rows: list[str], wanted: Collection[str]) -> dict[str, Column]:
     parsed = [_text_row(element, row) for row in rows]
     columns: dict[str, Column] = {}
     for index, each in enumerate(element.properties):

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Iterator
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 from pathlib import Path
 
 from hmrf_icp.errors import InputError
@@ -32,6 +32,9 @@ _TYPES = {
 }
 """NumPy's codes of the names of the original description, and of those that came after it."""
 
+TYPE_NAMES = {code: name for name, code in reversed(_TYPES.items())}
+"""The original name of each type, by NumPy's code."""
+
 _LENGTHS = {name: code for name, code in _TYPES.items() if code[0] in "iu"}
 
 _FORMS = {
@@ -59,12 +62,14 @@ class Element:
 
     name: str
     count: int
-    properties: list[Property]
+    properties: list[Property] = field(default_factory=list)
+    names: set[str] = field(default_factory=set)
+    """Names of its properties: a header is asked for them at each of its lines."""
 
-    @property
-    def names(self) -> list[str]:
-        """Names of its properties."""
-        return [each.name for each in self.properties]
+    def add(self, new: Property) -> None:
+        """Append a property."""
+        self.properties.append(new)
+        self.names.add(new.name)
 
     @property
     def has_lists(self) -> bool:
@@ -99,7 +104,7 @@ def parse_header(path: Path, data: bytes) -> Header:
     order: str | None = None
     elements: dict[str, Element] = {}
     notes: dict[str, list[list[str]]] = {"obj_info": [], "comment": []}
-    current = Element("", 0, [])
+    current = Element("", 0)
     for number, line, end in _lines(path, data):
         match line.split():
             case ["end_header"]:
@@ -117,15 +122,15 @@ def parse_header(path: Path, data: bytes) -> Header:
             case ["format", kind, "1.0"] if kind in _ORDERS and order is None:
                 order = _ORDERS[kind]
             case ["element", name, count] if count.isdecimal() and name not in elements:
-                current = elements[name] = Element(name, int(count), [])
+                current = elements[name] = Element(name, int(count))
             case ["property", "list", length, kind, name] if (
                 length in _LENGTHS and kind in _TYPES and elements and name not in current.names
             ):
-                current.properties.append(Property(name, _TYPES[kind], _LENGTHS[length]))
+                current.add(Property(name, _TYPES[kind], _LENGTHS[length]))
             case ["property", kind, name] if (
                 kind in _TYPES and elements and name not in current.names
             ):
-                current.properties.append(Property(name, _TYPES[kind]))
+                current.add(Property(name, _TYPES[kind]))
             case [keyword, *_]:
                 expected = _FORMS.get(keyword, ", ".join((*_FORMS, *notes, "end_header")))
                 raise InputError(

@@ -1,104 +1,200 @@
-"""Clouds as text, a point a line: XYZ, CSV, TXT."""
+"""Clouds as text, a point a line: XYZ, XYZN, CSV, TXT."""
 
 from __future__ import annotations
 
+import re
+from collections.abc import Mapping
+from dataclasses import dataclass
 from pathlib import Path
+from typing import Any
 
 import numpy as np
+from numpy.typing import NDArray
 
 from hmrf_icp.clouds.cloud import PointCloud
 from hmrf_icp.errors import InputError
+from hmrf_icp.io.columns import (
+    AXES,
+    PLY_NORMALS,
+    Columns,
+    Names,
+    cloud_of,
+    columns_of,
+    one_number_a_column,
+    unpacked_colours,
+)
 from hmrf_icp.io.files import reading
+from hmrf_icp.io.text_header import (
+    coordinate_columns,
+    delimiter,
+    is_number,
+    names_in,
+    normal_columns,
+    words_in,
+)
+from hmrf_icp.io.words import understood
+
+_INTEGER = re.compile(r"[-+]?[0-9]{1,18}")
+_SHOWN = 20
+"""Columns in a message, at most."""
+
+
+@dataclass(frozen=True)
+class _Table:
+    """What a file holds: where its numbers are, and what they are called."""
+
+    columns: dict[str, int]
+    """Place of each column that has a name: x, y, z, those of a normal, and what the file calls."""
+    rows: list[tuple[int, str]]
+    """Lines that hold points, with their numbers."""
 
 
 def read_text(path: Path) -> PointCloud:
     """Read points from lines of numbers.
 
     The numbers stand apart by commas, semicolons or white space. A header line
-    is optional: where it names x, y and z those columns are read, otherwise the
-    first three. Lines that start with ``#`` or ``//`` are comments, but one before
-    the points that names x, y and z is a header.
+    is optional: without one the first three columns are x, y and z (and the
+    next three a normal in XYZN). With one they are those called x, y, z, or
+    in another common way (``px``, ``POINT_X``, ``Points:0``, ``x [m]``, ``Easting``);
+    columns ``nx``, ``ny``, ``nz`` or ``normal_x`` and so on are normals, and others that hold
+    numbers alone are attributes. Lines that start with ``#`` or ``//`` are comments,
+    but one before the points that names x, y and z is a header.
 
     Raises
     ------
     InputError
-        Not text, or a line without three numbers; the message has its number.
+        Not text, a header that does not tell which columns are x, y and z (the
+        message lists those it found), or a line without three numbers (the message has its number).
     """
     with reading(path, "a text file of points"):
         # utf-8-sig: spreadsheets put a byte order mark in front of the first column.
         lines = path.read_text(encoding="utf-8-sig").splitlines()
-        columns, rows = _without_header([(n, line) for n, line in enumerate(lines, 1)])
-        if not rows:
-            raise InputError(f"{path}: no points in it")
-        delimiter = _delimiter(rows[0][1])
-        try:
-            points = np.loadtxt(
-                [line for _, line in rows],
-                dtype=np.float64,
-                delimiter=delimiter,
-                usecols=columns,
-                comments=None,
-                ndmin=2,
-            )
-        except ValueError:
-            for number, line in rows:
-                if not _holds_point(line, delimiter, columns):
-                    raise InputError(
-                        f"{path}: line {number} should hold three numbers or more, "
-                        f"found {line.strip()[:60]!r}"
-                    ) from None
-            raise
-        return PointCloud(points)
+        table = _table(path, [(n, line) for n, line in enumerate(lines, 1)])
+        columns = _numbers(path, table)
+        points = np.stack([columns.pop(axis) for axis in AXES], axis=-1)
+        return cloud_of(points, columns)
 
 
 def write_text(path: Path, cloud: PointCloud) -> None:
-    """Write the observed points, every digit of them; with a header and commas in a CSV."""
+    """Write the observed points, every digit of them; in a CSV with a header and all they have."""
     csv = path.suffix.lower() == ".csv"
+    columns: Columns = dict(zip(AXES, np.moveaxis(cloud.points, -1, 0), strict=True))
+    if csv:
+        others = unpacked_colours(columns_of(cloud, PLY_NORMALS))
+        columns |= one_number_a_column(others, len(cloud.shape))
+    elif path.suffix.lower() == ".xyzn" and cloud.normals is not None:
+        columns |= dict(zip(PLY_NORMALS, np.moveaxis(cloud.normals, -1, 0), strict=True))
     mark = "," if csv else " "
     # Python writes the shortest digits that read back the same, in a fifth of NumPy's time.
-    lines = [mark.join(map(repr, point)) + "\n" for point in cloud.observed_points.tolist()]
+    values = [_written(column[cloud.observed]).tolist() for column in columns.values()]
+    lines = [mark.join(map(repr, row)) + "\n" for row in zip(*values, strict=True)]
     with path.open("w", encoding="utf-8", newline="\n") as stream:
-        stream.writelines(["x,y,z\n"] * csv + lines)
+        stream.writelines([mark.join(columns) + "\n"] * csv + lines)
 
 
-def _without_header(
-    lines: list[tuple[int, str]],
-) -> tuple[list[int], list[tuple[int, str]]]:
-    """Columns of x, y and z, and the lines that hold points, with their numbers."""
-    columns = [0, 1, 2]
+def _written(values: NDArray[Any]) -> NDArray[Any]:
+    return values.astype(np.uint8) if values.dtype.kind == "b" else values
+
+
+def _table(path: Path, lines: list[tuple[int, str]]) -> _Table:
+    """Tell the header from the points, and the columns apart."""
+    columns = dict(zip(AXES, range(3), strict=True))
+    if path.suffix.lower() == ".xyzn":
+        columns |= dict(zip(PLY_NORMALS, range(3, 6), strict=True))
     rows: list[tuple[int, str]] = []
+    title: tuple[int, list[str]] | None = None
     for number, line in lines:
         bare = line.strip()
         comment = bare.startswith(("#", "//"))
-        if not rows and bare and (comment or not any(map(_is_number, _words(bare)))):
-            names = [word.strip("\"'").lower() for word in _words(bare.lstrip("#/").lstrip())]
-            if {"x", "y", "z"} <= set(names):
-                columns = [names.index(axis) for axis in "xyz"]
+        if not rows and bare and (comment or not any(map(is_number, words_in(understood(bare))))):
+            names = names_in(bare)
+            found = coordinate_columns(names)
+            if found is not None:
+                columns, title = _named(names, found), None
                 continue
-            # A title without column names is passed over, on the first line only.
-            comment = comment or number == 1
+            if not comment and number == 1:
+                # A title is passed over, on the first line only; whether it is one, a row tells.
+                title, comment = (number, names), True
         if bare and not comment:
-            rows.append((number, line))
-    return columns, rows
+            rows.append((number, understood(line)))
+    if not rows:
+        raise InputError(f"{path}: no points in it")
+    if title is not None and len(title[1]) >= max(3, len(words_in(rows[0][1]))):
+        shown = ", ".join(repr(name) for name in title[1][:_SHOWN])
+        more = f" and {len(title[1]) - _SHOWN} more" if len(title[1]) > _SHOWN else ""
+        raise InputError(
+            f"{path}: line {title[0]} names the columns {shown}{more}, which does not tell which "
+            "are the coordinates; call those x, y and z, metres (or remove the line if they are "
+            "the first three)"
+        )
+    return _Table(columns, rows)
 
 
-def _delimiter(line: str) -> str | None:
-    """Comma or semicolon where there is one; None is white space, as for NumPy."""
-    return next((mark for mark in (";", ",") if mark in line), None)
+def _named(names: list[str], coordinates: list[int]) -> dict[str, int]:
+    columns = dict(zip(AXES, coordinates, strict=True))
+    normals = normal_columns(names)
+    if normals is not None:
+        columns |= dict(zip(PLY_NORMALS, normals, strict=True))
+    free = Names(columns)
+    known = set(columns.values())
+    for place, name in enumerate(names):
+        if place not in known and name:
+            columns[free.free(name)] = place
+    return columns
 
 
-def _words(line: str) -> list[str]:
-    return [word.strip() for word in line.split(_delimiter(line))]
-
-
-def _is_number(word: str) -> bool:
+def _numbers(path: Path, table: _Table) -> Columns:
+    """Columns of numbers; those beside the coordinates only where each of their rows has one."""
+    mark = delimiter(table.rows[0][1])
+    first = words_in(table.rows[0][1])
+    kinds: dict[str, type] = dict.fromkeys(AXES, np.float64)
+    for name, place in table.columns.items():
+        if name not in AXES and place < len(first) and is_number(first[place]):
+            whole = name not in PLY_NORMALS and _INTEGER.fullmatch(first[place])
+            kinds[name] = np.int64 if whole else np.float64
     try:
-        float(word)
+        return _loaded(table, kinds, mark)
     except ValueError:
-        return False
-    return True
+        pass
+    try:
+        columns = _loaded(table, dict.fromkeys(AXES, np.float64), mark)
+    except ValueError:
+        places = [table.columns[axis] for axis in AXES]
+        for number, line in table.rows:
+            if not _holds_point(line, mark, places):
+                raise InputError(
+                    f"{path}: line {number} should hold three numbers or more, "
+                    f"found {line.strip()[:60]!r}"
+                ) from None
+        raise
+    for name in kinds:
+        if name not in AXES:
+            columns |= _column_alone(table, name, mark)
+    return columns
 
 
-def _holds_point(line: str, delimiter: str | None, columns: list[int]) -> bool:
-    words = line.split(delimiter)
-    return max(columns) < len(words) and all(_is_number(words[column]) for column in columns)
+def _column_alone(table: _Table, name: str, mark: str | None) -> Columns:
+    for kind in (np.int64, np.float64):
+        try:
+            return _loaded(table, {name: kind}, mark)
+        except ValueError:
+            continue
+    return {}
+
+
+def _loaded(table: _Table, kinds: Mapping[str, type], mark: str | None) -> Columns:
+    loaded = np.loadtxt(
+        [line for _, line in table.rows],
+        dtype=[(f"f{place}", kind) for place, kind in enumerate(kinds.values())],
+        delimiter=mark,
+        usecols=[table.columns[name] for name in kinds],
+        comments=None,
+        quotechar='"' if '"' in table.rows[0][1] else None,
+        ndmin=1,
+    )
+    return {name: loaded[f"f{place}"] for place, name in enumerate(kinds)}
+
+
+def _holds_point(line: str, mark: str | None, places: list[int]) -> bool:
+    words = line.split(mark)
+    return max(places) < len(words) and all(is_number(words[place]) for place in places)

@@ -26,10 +26,16 @@ def require_writable(path: str | os.PathLike[str]) -> Path:
     Raises
     ------
     InputError
-        Its folder is missing or not writable, or something that is not a file stands there.
+        Its folder is missing or not writable, something that is not a file stands there, or no
+        file can have that name.
     """
-    final = Path(os.path.realpath(path))
-    if final.exists() and not final.is_file():
+    try:
+        final = Path(os.path.realpath(path))
+        there = final.exists()
+    except (OSError, ValueError) as error:
+        reason = getattr(error, "strerror", None) or error
+        raise InputError(f"{path}: cannot be written: {reason}") from None
+    if there and not final.is_file():
         kind = "a directory" if final.is_dir() else "not a regular file"
         raise InputError(f"{path}: is {kind}, expected the name of a file to write")
     if not final.parent.is_dir():

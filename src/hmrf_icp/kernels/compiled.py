@@ -6,7 +6,9 @@ from collections.abc import Callable
 from typing import Any, TypeVar, cast
 
 import numba
+import numpy as np
 
+Array = TypeVar("Array", bound=np.ndarray[Any, Any])
 Function = TypeVar("Function", bound=Callable[..., Any])
 
 ANY_ORDER = {"reassoc", "contract", "arcp", "nsz"}
@@ -30,3 +32,14 @@ def njit(**options: Any) -> Callable[[Function], Function]:
             return cast(Function, numba.njit(**options)(function))
 
     return decorate
+
+
+def read_only(array: Array) -> Array:
+    """Return a view that cannot be written through.
+
+    Numba compiles a kernel once more for arrays of the other kind: what may come as
+    either is handed over as this one.
+    """
+    view = array.view()
+    view.flags.writeable = False
+    return view

@@ -27,17 +27,17 @@ def project(projection: Any, x: float, y: float, z: float) -> Any:
     x -= projection[5]
     y -= projection[6]
     z -= projection[7]
-    if projection[0] == 0.0:
-        if z <= 0.0:
-            return 0.0, 0.0, 0.0
-        return (
-            projection[2] * y / z + projection[4],
-            projection[1] * x / z + projection[3],
-            z,
-        )
     a = projection[8] * x + projection[9] * y + projection[10] * z
     b = projection[11] * x + projection[12] * y + projection[13] * z
     c = projection[14] * x + projection[15] * y + projection[16] * z
+    if projection[0] == 0.0:
+        if c <= 0.0:
+            return 0.0, 0.0, 0.0
+        return (
+            projection[2] * b / c + projection[4],
+            projection[1] * a / c + projection[3],
+            c,
+        )
     reach = math.sqrt(a * a + b * b + c * c)
     if reach <= 0.0:
         return 0.0, 0.0, 0.0

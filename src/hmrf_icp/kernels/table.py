@@ -52,10 +52,13 @@ def build(points: Any, corner: Any, edge: float, shape: Any) -> Any:
 @njit(nogil=True, error_model="numpy")
 def fill(points: Any, corner: Any, edge: float, table: Any) -> None:
     """Put each point into its own cell; the one closest to the centre, where there are more."""
+    nx, ny, nz = table.shape
     for k in range(points.shape[0]):
         a = int((points[k, 0] - corner[0]) / edge)
         b = int((points[k, 1] - corner[1]) / edge)
         c = int((points[k, 2] - corner[2]) / edge)
+        if a < 0 or b < 0 or c < 0 or a >= nx or b >= ny or c >= nz:
+            continue
         x = corner[0] + (a + 0.5) * edge
         y = corner[1] + (b + 0.5) * edge
         z = corner[2] + (c + 0.5) * edge
@@ -130,7 +133,8 @@ def look_up(points: Any, table: Any, corner: Any, edge: float, x: float, y: floa
     """Return the index of a close point, the closest of four cells' about (x, y, z); -1 outside."""
     nx, ny, nz = table.shape
     fa, fb, fc = (x - corner[0]) / edge, (y - corner[1]) / edge, (z - corner[2]) / edge
-    if fa < 0.0 or fb < 0.0 or fc < 0.0 or fa >= nx or fb >= ny or fc >= nz:
+    # Asked for what is inside, so that NaN is not.
+    if not (0.0 <= fa < nx and 0.0 <= fb < ny and 0.0 <= fc < nz):
         return -1
     a, b, c = int(fa), int(fb), int(fc)
     k = table[a, b, c]

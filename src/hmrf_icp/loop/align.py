@@ -14,7 +14,7 @@ from numpy.typing import NDArray
 
 from hmrf_icp import se3
 from hmrf_icp.clouds.prepared import PreparedCloud
-from hmrf_icp.loop.match import Matches
+from hmrf_icp.loop.match import Matches, checked_rows
 from hmrf_icp.loop.placed import Placed
 from hmrf_icp.loop.reject import Labels
 
@@ -85,6 +85,7 @@ class PointToPoint:
             inlier = labels.inlier
             if np.count_nonzero(inlier) < MINIMUM_INLIERS:
                 return None
+            checked_rows(matches.index, len(inlier), len(closest))
             return Step(best_motion(source.points[inlier], closest[matches.index[inlier]]))
 
         return align

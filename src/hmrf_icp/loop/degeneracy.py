@@ -29,6 +29,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from hmrf_icp import se3
+from hmrf_icp.frozen import same
 
 Array = NDArray[np.float64]
 
@@ -88,7 +89,8 @@ def split(information: Array, noise: Array) -> Split:
     noise
         (6, 6) gathered in the same way from what noise makes of their differences.
     """
-    largest = float(np.linalg.eigvalsh(information)[-1])
+    finite = bool(np.isfinite(information).all() and np.isfinite(noise).all())
+    largest = float(np.linalg.eigvalsh(information)[-1]) if finite else 0.0
     if not largest > 0.0:
         return Split(np.eye(6), np.zeros((6, 0)), 0.0)
     # Directions v with v'Av < v'Bv, A v = lambda B v: through B = LL', a symmetric problem.
@@ -122,8 +124,12 @@ def unit_twists(free: Array, length: float, centre: Array) -> Array:
         turns = np.linalg.norm(twist[:3]) >= TRANSLATION
         twist[:3] /= length
         twist /= np.linalg.norm(twist[:3] if turns else twist[3:])
-        twist[3:] -= np.cross(twist[:3], centre)
-    return np.asarray(twists)
+    return np.array([about_another(twist, centre) for twist in twists]).reshape(-1, 6)
+
+
+def about_another(twist: Array, origin: Array) -> Array:
+    """Express a twist (6,) about a point ``origin`` (3,) as one about the origin itself."""
+    return np.concatenate([twist[:3], twist[3:] - np.cross(twist[:3], origin)])
 
 
 @dataclass(frozen=True, eq=False)
@@ -139,6 +145,12 @@ class FreeMotion:
     """
 
     twist: Array
+
+    def __eq__(self, other: object) -> bool:
+        return same(self, other) if isinstance(other, FreeMotion) else NotImplemented
+
+    def __hash__(self) -> int:
+        return hash(tuple(self.twist.tolist()))
 
     @property
     def rotation(self) -> bool:

@@ -3,16 +3,18 @@
 from __future__ import annotations
 
 from collections.abc import Callable, Mapping
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 
 import numpy as np
 from numpy.typing import NDArray
 
 from hmrf_icp import se3
 from hmrf_icp.clouds.prepared import PreparedCloud
+from hmrf_icp.errors import InputError
+from hmrf_icp.frozen import FrozenDict
 from hmrf_icp.loop.align import Align, Aligner, Step
 from hmrf_icp.loop.criteria import Criteria, StoppingRule, at_most
-from hmrf_icp.loop.match import Match, Matcher, Matches
+from hmrf_icp.loop.match import Match, Matcher, Matches, checked
 from hmrf_icp.loop.placed import Placed
 from hmrf_icp.loop.reject import Labels, Reject, Rejector
 
@@ -33,6 +35,7 @@ class Method:
         source: PreparedCloud,
         target: PreparedCloud,
         init: Array,
+        near: bool = True,
         on_iteration: Callable[[Iteration], None] | None = None,
     ) -> LoopResult:
         """Run Algorithm 1 with these parts."""
@@ -81,6 +84,11 @@ class Iteration:
     inlier_rmse: float
     parameters: Mapping[str, float]
 
+    def __post_init__(self) -> None:
+        """Take any mapping of parameters, and keep one that pickles."""
+        if not isinstance(self.parameters, FrozenDict):
+            object.__setattr__(self, "parameters", FrozenDict(self.parameters))
+
 
 @dataclass(frozen=True, eq=False)
 class LoopResult:
@@ -118,7 +126,8 @@ class Loop:
 
     def __init__(self, source: PreparedCloud, target: PreparedCloud, method: Method) -> None:
         self._points = source.points
-        self._match: Match = method.match.prepare(source, target)
+        self._onto = len(target.points)
+        self._matcher: Match = method.match.prepare(source, target)
         self._reject: Reject = method.reject.prepare(source, target)
         self._align: Align = method.align.prepare(source, target)
         self._criteria = method.criteria.on(target)
@@ -128,11 +137,20 @@ class Loop:
         init: Array,
         on_iteration: Callable[[Iteration], None] | None = None,
         most: int | None = None,
+        after: int = 0,
     ) -> LoopResult:
         """Run from ``init`` (4, 4), for at most ``most`` iterations if that is fewer.
 
-        ``on_iteration`` is called after every iteration, for progress.
+        ``on_iteration`` is called after every iteration, for progress; ``after`` so many,
+        that another loop did, they are numbered.
+
+        Raises
+        ------
+        InputError
+            The start is not finite, or what the matcher found are no matches.
         """
+        if np.shape(init) != (4, 4) or not np.isfinite(init).all():
+            raise InputError(f"init: expected a finite 4 x 4 matrix, got {init}")
         match, reject, align = self._match, self._reject, self._align
         criteria = self._criteria if most is None else at_most(self._criteria, most)
 
@@ -148,14 +166,14 @@ class Loop:
             labels = reject(matches, labels)
             em_iterations += labels.em_iterations
             step = align(source, matches, labels)
-            stuck = step is None
-            if step is None:
+            stuck = step is None or not np.isfinite(step.motion).all()
+            if step is None or stuck:
                 break
             last = step
             source = source.moved(step.motion)
             history.append(
                 Iteration(
-                    iteration=len(history) + 1,
+                    iteration=after + len(history) + 1,
                     em_iterations=em_before + labels.em_iterations,
                     inlier_share=float(labels.inlier.mean()),
                     step_translation=se3.translation_norm(step.motion),
@@ -179,6 +197,18 @@ class Loop:
             tuple(history),
             stuck,
         )
+
+    def at(self, pose: Array) -> LoopResult:
+        """Tell what the parts make of a pose (4, 4) without moving from it."""
+        source = Placed.at(pose, self._points)
+        matches = self._match(source)
+        labels = self._reject(matches, self._reject(matches, None))
+        step = self._align(source, matches, labels)
+        last = None if step is None else replace(step, motion=np.eye(4))
+        return LoopResult(pose, matches, labels, False, labels.em_iterations, last, ())
+
+    def _match(self, source: Placed) -> Matches:
+        return checked(self._matcher(source), len(self._points), self._onto)
 
 
 def icp(

@@ -34,6 +34,58 @@ class Matches:
     label_log_odds: NDArray[np.float64] | None = None
 
 
+def checked_rows(index: NDArray[np.integer], points: int, onto: int) -> NDArray[np.intp]:
+    """Return rows of matches that compiled loops may follow.
+
+    Parameters
+    ----------
+    index
+        One row a source point.
+    points, onto
+        Points of the source and of the target.
+
+    Raises
+    ------
+    InputError
+        There are more rows or fewer than points, or one that the target does not have.
+    """
+    if index.shape != (points,) or index.dtype.kind not in "iu":
+        raise InputError(
+            f"matches: expected one row of the target for each of the {points} observed source "
+            f"points, got {index.dtype} of shape {index.shape}"
+        )
+    if points and not (index.min() >= 0 and index.max() < onto):
+        raise InputError(
+            f"matches: expected rows of the target's {onto} observed points, 0 to {onto - 1}, "
+            f"got {index.min()} to {index.max()}"
+        )
+    return np.ascontiguousarray(index, dtype=np.intp)
+
+
+def checked(matches: Matches, points: int, onto: int) -> Matches:
+    """Return matches that a matcher of any kind found, once they are known to be some.
+
+    Raises
+    ------
+    InputError
+        As :func:`checked_rows`, or the distances, or the log-odds, are not one number a point.
+    """
+    checked_rows(matches.index, points, onto)
+    distance = matches.distance
+    if distance.shape != (points,) or not (np.isfinite(distance) & (distance >= 0.0)).all():
+        raise InputError(
+            f"matches: expected {points} finite distances of 0 or more, metres; the matcher found "
+            f"others (shape {distance.shape})"
+        )
+    evidence = matches.label_log_odds
+    if evidence is not None and (evidence.shape != (points,) or np.isnan(evidence).any()):
+        raise InputError(
+            f"matches: expected label_log_odds of shape ({points},) without NaN, "
+            f"got shape {evidence.shape}; 0 says nothing"
+        )
+    return matches
+
+
 class Match(Protocol):
     """Find the matches of the source where it is now."""
 
@@ -72,7 +124,7 @@ class NearestNeighbour:
         tree, tolerance = target.tree, self.tolerance
 
         def match(source: Placed) -> Matches:
-            distance, index = tree.query(np.ascontiguousarray(source.points), eps=tolerance)
-            return Matches(index.astype(np.intp), distance)
+            distance, index = tree.query(source.points, eps=tolerance)
+            return Matches(index, distance)
 
         return match

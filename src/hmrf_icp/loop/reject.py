@@ -8,16 +8,20 @@ from __future__ import annotations
 
 from collections.abc import Mapping
 from dataclasses import dataclass, field
-from types import MappingProxyType
 from typing import Protocol
 
 import numpy as np
 from numpy.typing import NDArray
 
 from hmrf_icp.clouds.prepared import PreparedCloud
+from hmrf_icp.clouds.tree import Tree
+from hmrf_icp.frozen import FrozenDict
 from hmrf_icp.loop.match import Matches
 
 Array = NDArray[np.float64]
+
+EQUAL = 1e-12
+"""Share of the largest distance within which distances are equal: no bins fit between them."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -32,11 +36,19 @@ class Labels:
         EM steps that this decision took; 0 for a rule without a model.
     parameters
         What the decision learnt: means and deviations, or a threshold (metres).
+    em_converged
+        Whether EM settled before it ran out of steps; True of a rule without a model.
     """
 
     z: Array
     em_iterations: int = 0
-    parameters: Mapping[str, float] = field(default_factory=lambda: MappingProxyType({}))
+    parameters: Mapping[str, float] = field(default_factory=lambda: FrozenDict({}))
+    em_converged: bool = True
+
+    def __post_init__(self) -> None:
+        """Take any mapping of parameters, and keep one that pickles."""
+        if not isinstance(self.parameters, FrozenDict):
+            object.__setattr__(self, "parameters", FrozenDict(self.parameters))
 
     @property
     def inlier(self) -> NDArray[np.bool_]:
@@ -66,7 +78,7 @@ class Rejector(Protocol):
 def keep_below(distance: Array, threshold: float) -> Labels:
     """Label as inliers the points whose distance is at most ``threshold`` metres."""
     z = np.where(distance <= threshold, 1.0, -1.0)
-    return Labels(z, parameters=MappingProxyType({"threshold": float(threshold)}))
+    return Labels(z, parameters=FrozenDict({"threshold": float(threshold)}))
 
 
 @dataclass(frozen=True)
@@ -171,8 +183,12 @@ def first_valley(distance: Array) -> float:
     """Position of the first local minimum after the highest peak of a histogram, metres.
 
     The bins are as many as Sturges' rule asks for, at least ten. With no
-    valley after the peak the threshold is the largest distance.
+    valley after the peak the threshold is the largest distance, and so it is where
+    all are equal but for rounding.
     """
+    largest = float(distance.max())
+    if largest - float(distance.min()) <= EQUAL * largest:
+        return largest
     bins = max(10, int(np.ceil(np.log2(distance.size))) + 1)
     count, edge = np.histogram(distance, bins=bins)
     for i in range(int(np.argmax(count)) + 1, bins - 1):
@@ -183,7 +199,5 @@ def first_valley(distance: Array) -> float:
 
 def mean_neighbour_distance(points: Array) -> float:
     """Mean distance of points (N, 3) to their nearest other point, metres."""
-    from pykdtree.kdtree import KDTree
-
-    distance, _ = KDTree(points).query(points, k=2)
+    distance, _ = Tree(points).query(points, k=2)
     return float(distance[:, 1].mean())

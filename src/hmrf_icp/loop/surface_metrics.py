@@ -26,7 +26,7 @@ from hmrf_icp.clouds.surface import Surface
 from hmrf_icp.errors import InputError
 from hmrf_icp.loop.align import Align, Step
 from hmrf_icp.loop.degeneracy import about_origin, split, unit_twists
-from hmrf_icp.loop.match import Matches
+from hmrf_icp.loop.match import Matches, checked_rows
 from hmrf_icp.loop.placed import Placed
 from hmrf_icp.loop.reject import Labels
 
@@ -41,6 +41,9 @@ INNER_STEPS = 10
 SMALL = 1e-5
 """A Gauss-Newton step (rad, and share of the size of the scene) after which the next is not worth
 it: convergence is quadratic."""
+
+SINGULAR = 1e-12
+"""Share of the largest eigenvalue of the normal equations below which one is rounding."""
 
 LEAST_NOISE = 1e-9
 """Noise of a point at the least, as a share of the size of the scene: an exact cloud has none."""
@@ -144,7 +147,10 @@ class SurfaceMetric:
             found = self.sums(m, motion, centre)
             hessian = bound.T @ (matrix(found) * both) @ bound
             gradient = bound.T @ (found[GRADIENT:COST] * units)
-            step = bound @ np.linalg.solve(hessian, -gradient)
+            least = least_squares(hessian, gradient)
+            if least is None:
+                return None
+            step = bound @ least
             # Two motions of a subspace may lead out of it together: what they share is kept.
             whole = se3.log(se3.exp(step * units) @ motion) / units
             motion = se3.exp(bound @ (bound.T @ whole) * units)
@@ -237,10 +243,22 @@ class Pairing:
         """Weigh the matches of the source where it is now with rows of the target.
 
         ``chance`` (M,) is what each counts for, apart from its noise.
+
+        Raises
+        ------
+        InputError
+            A row that the target does not have, or not one row and chance a source point.
         """
         from hmrf_icp.kernels import surface_metrics as kernels
+        from hmrf_icp.kernels.compiled import read_only
 
         source, target = self._source, self._target
+        row = checked_rows(row, len(source.points), len(target.points))
+        if chance.shape != row.shape or placed.points.shape != source.points.shape:
+            raise InputError(
+                f"labels: expected one for each of the {len(row)} observed source points, "
+                f"got shape {chance.shape}"
+            )
         normals, *weighed = kernels.weigh(
             source.normals,
             source.noise,
@@ -254,7 +272,24 @@ class Pairing:
             self._oriented,
             self._least,
         )
-        return Matched(placed.points, normals, target.points, target.normals, row, *weighed)
+        onto = read_only(target.points)
+        return Matched(placed.points, normals, onto, target.normals, row, *weighed)
+
+
+def least_squares(hessian: Array, gradient: Array) -> Array | None:
+    """Solve a Gauss-Newton step (k,), with no motion along what the equations say nothing of.
+
+    None where they are not finite. What holds a direction is judged on both clouds' normals
+    before; a metric that looks at one of them may know less (all matches on one point).
+    """
+    if not (np.isfinite(hessian).all() and np.isfinite(gradient).all()):
+        return None
+    values, directions = np.linalg.eigh(hessian)
+    known = values > SINGULAR * values[-1]
+    if known.all():
+        return np.asarray(np.linalg.solve(hessian, -gradient))
+    directions = directions[:, known]
+    return np.asarray(-directions @ ((directions.T @ gradient) / values[known]))
 
 
 def extent(points: Array, weight: Array) -> tuple[Array, float]:

@@ -78,6 +78,9 @@ class Annealer:
             0.02,
             ends,
         )
+        # Where a step led nowhere (matches that determine nothing), the start is what there is.
+        lost = ~np.isfinite(ends).all(axis=(1, 2))
+        ends[lost] = poses[lost]
         return ends
 
 

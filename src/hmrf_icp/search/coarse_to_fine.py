@@ -11,7 +11,7 @@ Where what comes out is not to be believed, the same is done from shifted starts
 from __future__ import annotations
 
 import math
-from collections.abc import Callable, Sequence
+from collections.abc import Callable, Iterator, Sequence
 from dataclasses import dataclass, replace
 from itertools import islice
 from typing import NamedTuple
@@ -26,11 +26,17 @@ from hmrf_icp.loop.align import Aligner
 from hmrf_icp.loop.criteria import StoppingRule
 from hmrf_icp.loop.degeneracy import NOISE_ALONE
 from hmrf_icp.loop.icp import Iteration, Loop, LoopResult, Method
-from hmrf_icp.loop.reject import Rejector
+from hmrf_icp.loop.match import Matches
+from hmrf_icp.loop.placed import Placed
+from hmrf_icp.loop.polish import polish
+from hmrf_icp.loop.reject import Labels, Rejector
+from hmrf_icp.loop.surface_metrics import SurfaceMetric
 from hmrf_icp.search.candidates import Annealer, Level, distinct, near, shifted, turned
 from hmrf_icp.search.confidence import confidence, log_odds
-from hmrf_icp.search.start_prior import FALL, FALL_UNSEEN, StartPrior
+from hmrf_icp.search.everywhere import everywhere
+from hmrf_icp.search.start_prior import FALL, FALL_ANYWHERE, StartPrior
 from hmrf_icp.search.visibility import Visibility, VisibilityTest
+from hmrf_icp.search.visible_match import VisibleMatch
 
 Array = NDArray[np.float64]
 
@@ -50,9 +56,8 @@ PRUNE_MARGIN = 4.0
 """A candidate whose log posterior odds are this far below the best so far is not tried."""
 
 RETURN_MARGIN = 1.0
-"""Log-odds that a pose may lose by going back to the start along a free direction.
-
-That it agrees with a little more somewhere else along a wall is no evidence.
+"""Log-odds that a pose may lose by going back to the start along a free direction, and by going
+through Algorithm 1: that it agrees with a few points more somewhere else is no evidence.
 """
 
 SAME_ANGLE, SAME_SHIFT = 0.03, 0.02
@@ -87,6 +92,8 @@ class CoarseToFine:
     points
         Points of each cloud that Algorithm 1 sees at most; clouds of more are
         thinned out, and their labels filled in from the points that were kept.
+    assume_viewpoints
+        Whether a place to look from is looked for where no viewpoint is known.
     """
 
     method: Method
@@ -97,22 +104,30 @@ class CoarseToFine:
     close: Level = CLOSE
     finalists: int = 6
     points: int = 20_000
+    assume_viewpoints: bool = True
 
     def run(
         self,
         source: PreparedCloud,
         target: PreparedCloud,
         init: Array,
+        near: bool = True,
         on_iteration: Callable[[Iteration], None] | None = None,
     ) -> SearchResult:
         """Register; see :func:`hmrf_icp.register`."""
-        search = Search(self, source, target, init, on_iteration)
+        source, target = self.viewed(source), self.viewed(target)
+        search = Search(self, source, target, init, near, on_iteration)
         end = search.among(search.turns)
-        # Without free space to contradict them, more candidates are only more mistakes.
-        if end.visibility.views and end.confidence < CONVINCED:
-            end = search.among(search.shifts)
-        loop = spread(end.loop, source.representatives(self.points))
-        return SearchResult(loop, end.visibility, end.confidence)
+        for more in search.farther():
+            if end.confidence >= CONVINCED:
+                break
+            end = search.among(*more)
+        end = search.polished(search.no_worse(end))
+        return SearchResult(end.loop, end.visibility, end.confidence, self)
+
+    def viewed(self, cloud: PreparedCloud) -> PreparedCloud:
+        """Return a cloud from a place to look from, where places are assumed."""
+        return cloud.viewed if self.assume_viewpoints else cloud
 
     def with_parts(
         self,
@@ -131,16 +146,41 @@ class SearchResult:
     Attributes
     ----------
     loop
-        Where Algorithm 1 ended from the best candidate, one label a source point.
+        Where Algorithm 1 ended from the best candidate: of the points that it was given,
+        which are those of the thinned source where ``plan.points`` are fewer.
     visibility
         What both sensors saw of that pose.
     confidence
         Probability in [0, 1] that it is right.
+    plan
+        The search.
     """
 
     loop: LoopResult
     visibility: Visibility
     confidence: float
+    plan: CoarseToFine
+
+    def labels(self, source: PreparedCloud, target: PreparedCloud, matches: Matches) -> Labels:
+        """Decide once more where the search ended, for every source point.
+
+        It starts from the label that the point standing for it has.
+
+        Parameters
+        ----------
+        source, target
+            The clouds, as they were given to the search.
+        matches
+            Of all source points under the pose.
+        """
+        source, target = self.plan.viewed(source), self.plan.viewed(target)
+        method, rows = self.plan.method, source.representatives(self.plan.points)
+        if isinstance(method.match, VisibleMatch):
+            placed = Placed.at(self.loop.transformation, source.points)
+            evidence = method.match.evidence(source, target)(placed, matches)
+            matches = replace(matches, label_log_odds=evidence)
+        before = replace(self.loop.labels, z=self.loop.labels.z[rows])
+        return method.reject.prepare(source, target)(matches, before)
 
 
 class Search:
@@ -152,9 +192,10 @@ class Search:
         source: PreparedCloud,
         target: PreparedCloud,
         init: Array,
+        near: bool,
         on_iteration: Callable[[Iteration], None] | None,
     ) -> None:
-        self._plan = plan
+        self._plan, self._near = plan, near
         self._source, self._target = (cloud.downsampled(plan.points) for cloud in (source, target))
         few = self._source.downsampled(plan.points // FEWER)
         self._rough = Loop(few, self._target, plan.method)
@@ -168,7 +209,7 @@ class Search:
 
         size = self._target.surface.size
         middle = se3.transform(init, centre(self._source.surface))
-        fall = FALL if self._test_late.views else FALL_UNSEEN
+        fall = FALL if near else FALL_ANYWHERE
         self._prior = StartPrior(init, middle, size, fall)
         self.turns = turned(init, middle, plan.turn, plan.turn_step)
         self.shifts = shifted(self.turns, plan.shift * size)
@@ -177,23 +218,33 @@ class Search:
         self._ends: list[Judged] = []
         self._best: Judged | None = None
 
-    def among(self, starts: Array) -> Judged:
+    def farther(self) -> Iterator[tuple[Array, int, int]]:
+        """More starts, from how fine a scale they go, and how many are tried at the most."""
+        if self._near:
+            yield self.shifts, 0, self._plan.finalists
+            return
+        for poses in everywhere(self._source, self._target):
+            if len(poses):
+                yield poses, 1, 2 * self._plan.finalists
+        yield self.shifts, 0, self._plan.finalists
+
+    def among(self, starts: Array, first: int = 0, most: int | None = None) -> Judged:
         """Return the likeliest end of all starts so far, these (K, 4, 4) and the given one."""
-        candidates = self._new_candidates(starts)
+        candidates = self._new_candidates(starts, first, most or self._plan.finalists)
         self._candidates += candidates
         self._ends += self._tried(candidates)
         return self._refined()
 
-    def _new_candidates(self, starts: Array) -> list[Candidate]:
+    def _new_candidates(self, starts: Array, scale: int, most: int) -> list[Candidate]:
         """Poses that starts lead to, but to none that was tried; at first the given start too."""
-        prior, poses = self._prior, self._coarse(starts)
+        prior, poses = self._prior, self._coarse(starts, scale)
         first = not self._candidates
         if first:
             poses = np.concatenate([self._close.from_each_scale(prior.start), poses])
         log_posterior = np.array([self._log_posterior(pose) for pose in poses])
         before = [candidate.pose for candidate in self._candidates]
         rows = distinct(poses, log_posterior, before, SAME_ANGLE, SAME_SHIFT * prior.size)
-        found = [Candidate(poses[i], log_posterior[i]) for i in islice(rows, self._plan.finalists)]
+        found = [Candidate(poses[i], log_posterior[i]) for i in islice(rows, most)]
         # The start as it is has a place beside them, whatever a coarse level makes of it.
         return (
             [Candidate(prior.start, self._log_posterior(prior.start)), *found] if first else found
@@ -212,7 +263,9 @@ class Search:
         for pose, log_posterior in sorted(candidates, key=lambda one: -one.log_posterior):
             if log_posterior < best - PRUNE_MARGIN:
                 break
-            end = self._judged(self._rough(pose, self._on_iteration, SHORT))
+            end = self._judged(self._rough(pose, self._on_iteration, SHORT))._replace(
+                candidate=pose
+            )
             best = max(best, end.log_posterior)
             if not any(self._same(end, other) for other in (*self._ends, *ends)):
                 ends.append(end)
@@ -247,7 +300,30 @@ class Search:
 
     def _continued(self, end: Judged, pose: Array) -> Judged:
         """Run Algorithm 1 to the end from a pose that an earlier end led to."""
-        return self._judged(after(end.loop, self._fine(pose, self._on_iteration)))
+        before = len(end.loop.history)
+        fine = self._fine(pose, self._on_iteration, after=before)
+        return self._judged(after(end.loop, fine))._replace(candidate=end.candidate)
+
+    def no_worse(self, end: Judged) -> Judged:
+        """Return the candidate that an end came from where that was likelier than the end is."""
+        pose = end.candidate
+        if pose is None:
+            return end
+        least = end.log_posterior + RETURN_MARGIN
+        if log_odds(self._test_late(pose)) + self._prior(pose) <= least:
+            return end  # Whatever the surfaces say of it, which can only be against it.
+        there = self._judged(self._fine.at(pose))
+        return there if there.log_posterior > least else end
+
+    def polished(self, end: Judged) -> Judged:
+        """Take the last steps, where the loop has arrived and the metric looks at surfaces."""
+        metric = self._plan.method.align
+        if not end.loop.converged or not isinstance(metric, SurfaceMetric):
+            return end
+        loop = polish(end.loop, self._source, self._target, metric, self._on_iteration)
+        polished = self._judged(loop)
+        worse = polished.log_posterior < end.log_posterior - RETURN_MARGIN
+        return end if worse else polished
 
     def _judged(self, loop: LoopResult) -> Judged:
         pose = loop.transformation
@@ -262,11 +338,15 @@ class Candidate(NamedTuple):
 
 
 class Judged(NamedTuple):
-    """Where a loop ended, what both sensors say of it, and what the start said before."""
+    """Where a loop ended, what both sensors say of it, and what the start said before.
+
+    ``candidate`` (4, 4) is the pose that the first loop began at.
+    """
 
     loop: LoopResult
     visibility: Visibility
     prior: float
+    candidate: Array | None = None
 
     @property
     def confidence(self) -> float:
@@ -286,27 +366,13 @@ def likeliest(ends: Sequence[Judged]) -> Judged:
 
 def after(before: LoopResult, loop: LoopResult) -> LoopResult:
     """Give a result the history of the loop that its start came from."""
-    shift = len(before.history)
-    continued = (replace(one, iteration=one.iteration + shift) for one in loop.history)
     return replace(
         loop,
         em_iterations=before.em_iterations + loop.em_iterations,
-        history=(*before.history, *continued),
+        history=(*before.history, *loop.history),
     )
 
 
 def centre(surface: Surface) -> Array:
     """Centre (3,) of a surface, each point by its area."""
     return np.asarray(surface.area @ surface.points / surface.area.sum())
-
-
-def spread(loop: LoopResult, rows: NDArray[np.intp]) -> LoopResult:
-    """Give every source point the label and the match of the one that stands for it."""
-    labels = replace(loop.labels, z=loop.labels.z[rows])
-    matches = replace(
-        loop.matches,
-        index=loop.matches.index[rows],
-        distance=loop.matches.distance[rows],
-        label_log_odds=None,
-    )
-    return replace(loop, labels=labels, matches=matches)

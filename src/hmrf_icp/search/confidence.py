@@ -16,6 +16,10 @@ CONSTANT, VIEWS, HELD = -2.80, 1.33, 1.16
 """Log-odds: alone, for each e-fold of agreement to free space violated, and for each e-fold of
 what is known of the direction known least, up to :data:`ENOUGH`."""
 
+CONSTANT_UNSEEN, SURFACES = -4.39, 2.55
+"""The same where no viewpoint is known: alone, and for each e-fold of points on a surface
+to points a little off it. Fitted to poses of fused fragments of real rooms and a rendered one."""
+
 NOTHING, ENOUGH = 1e-3, 20.0
 """Times what a direction must have to be followed, between which it tells how well it is known."""
 
@@ -33,9 +37,8 @@ def confidence(visibility: Visibility, weakest: float | None = None) -> float:
     Parameters
     ----------
     visibility
-        Where no viewpoint is known (``visibility.views`` is False) nothing can be
-        contradicted, and the answer is only the share of points that agree,
-        less where a direction is hardly known: it ranks poses of one pair, and is not calibrated.
+        Where no viewpoint is known (``visibility.views`` is False) surfaces that lie a little
+        off each other take the place of free space violated.
     weakest
         How well the direction known least is known (:class:`hmrf_icp.loop.align.Step`);
         None where nobody looked, and it is taken for well known.
@@ -52,11 +55,10 @@ def log_odds(visibility: Visibility, weakest: float | None = None) -> float:
     """
     held = HELD * math.log(_known(weakest) / ENOUGH)
     asked = max(visibility.asked, 1)
-    if not visibility.views:
-        share = min(max(visibility.agree / asked, PSEUDO), 1.0 - PSEUDO)
-        return math.log(share / (1.0 - share)) + held
     agree = visibility.agree / asked + PSEUDO
     front = visibility.front / asked + PSEUDO
+    if not visibility.views:
+        return CONSTANT_UNSEEN + SURFACES * math.log(agree / front) + held
     return CONSTANT + VIEWS * math.log(agree / front) + held
 
 

@@ -26,8 +26,8 @@ How good a start is, nobody says: a power has no scale of its own, and still let
 evidence win at any distance.
 """
 
-FALL_UNSEEN = 1.0
-"""The same where no sensor's view is known, and evidence is no more than the share that agrees."""
+FALL_ANYWHERE = 0.3
+"""The same where no start was given: that frames coincide is likelier than any one other pose."""
 
 NEAREST_STEPS = 5
 """Of Gauss and Newton, to the likeliest pose along free motions: enough for a turn of 1 rad."""

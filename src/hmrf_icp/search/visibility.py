@@ -15,6 +15,9 @@ from hmrf_icp.clouds.surface import Surface, evenly
 
 Array = NDArray[np.float64]
 
+OFF = 4.0
+"""Times what a point on a surface may be off it: farther away, a point is no evidence."""
+
 
 @dataclass(frozen=True, eq=False)
 class Sample:
@@ -48,8 +51,8 @@ class Visibility:
         At the depth of a surface that faces another way.
     views
         Whether a sensor's view was asked. Where no viewpoint is known, points
-        agree with the surface they are near, or are ``outside``: that tells how
-        much overlaps, and nothing of free space.
+        agree with the surface they are on, are in ``front`` where they are a little off it and
+        it goes on all round, and ``outside`` elsewhere.
     """
 
     agree: int
@@ -73,21 +76,41 @@ class Asked(Protocol):
 
 
 class NearSurface:
-    """A surface seen from nowhere in particular: points are near it, or outside."""
+    """A surface seen from nowhere in particular: points are on it, off it, or beyond it.
 
-    def __init__(self, cloud: PreparedCloud) -> None:
+    Nobody knows what was seen to be empty. But a surface that goes on all round a point was
+    sampled there, and what lies a little off it contradicts it as free space does: of two poses
+    the right one lays surface on surface, and the wrong one through it. What is near the border
+    of a surface, or far from any, is no evidence.
+
+    Parameters
+    ----------
+    cloud
+        The cloud.
+    band
+        Deviations of the noise by which a point on the surface may be off it, beside the spacing.
+    """
+
+    def __init__(self, cloud: PreparedCloud, band: float = BAND) -> None:
         self._surface = surface = cloud.surface
         self._tree = cloud.tree
-        self._band = BAND * surface.noise + np.sqrt(surface.area)
+        self._band = band * surface.noise + np.sqrt(surface.area)
+        self._border = cloud.border
 
     def ask(self, points: Array, normals: Array, pose: Array) -> NDArray[np.uint8]:
-        """Ask who is within the noise and the spacing of the closest point, and faces its way."""
-        from hmrf_icp.kernels.range_image import AGREE, FACING, OTHER, OUTSIDE
-
+        """Ask who is on the surface, facing its way, and who is off it where it goes on."""
         distance, row = self._tree.query(se3.transform(pose, points))
-        cosine = np.abs(((normals @ pose[:3, :3].T) * self._surface.normals[row]).sum(axis=1))
-        seen = np.where(cosine > FACING, AGREE, OTHER)
-        return np.where(distance < self._band[row], seen, OUTSIDE).astype(np.uint8)
+        return self.tell(distance, row, normals @ pose[:3, :3].T)
+
+    def tell(self, distance: Array, row: NDArray[np.integer], normals: Array) -> NDArray[np.uint8]:
+        """Tell the same of points with normals (M, 3) at a distance (M,) from the closest row."""
+        from hmrf_icp.kernels.range_image import AGREE, FACING, FRONT, OTHER, OUTSIDE
+
+        cosine = np.abs((normals * self._surface.normals[row]).sum(axis=1))
+        on = np.where(cosine > FACING, AGREE, OTHER)
+        off = (distance < OFF * self._band[row]) & ~self._border[row]
+        seen = np.where(distance < self._band[row], on, np.where(off, FRONT, OUTSIDE))
+        return seen.astype(np.uint8)
 
 
 class VisibilityTest:
@@ -103,27 +126,27 @@ class VisibilityTest:
     Attributes
     ----------
     views
-        Whether a sensor's view is known; otherwise surfaces that are near agree.
+        Whether it is known where both were seen from; otherwise surfaces take the place of free
+        space, as :class:`NearSurface` has it.
     """
 
     def __init__(self, source: PreparedCloud, target: PreparedCloud, count: int) -> None:
         self._of_source = Sample.of(source.surface, count)
         self._of_target = Sample.of(target.surface, count)
-        self._by_source: Asked | None = source.range_image
-        self._by_target: Asked | None = target.range_image
-        self.views = self._by_source is not None or self._by_target is not None
-        if not self.views:
-            self._by_source, self._by_target = NearSurface(source), NearSurface(target)
+        by_source, by_target = source.range_image, target.range_image
+        self.views = by_source is not None and by_target is not None
+        self._by_source: Asked = by_source if by_source and by_target else NearSurface(source)
+        self._by_target: Asked = by_target if by_source and by_target else NearSurface(target)
 
     def __call__(self, pose: Array) -> Visibility:
         """Ask about one pose (4, 4), source to target."""
-        counts = np.zeros(5, dtype=np.int64)
-        for sample, view, motion in (
-            (self._of_source, self._by_target, pose),
-            (self._of_target, self._by_source, se3.inverse(pose)),
-        ):
-            if view is not None:
-                seen = view.ask(sample.points, sample.normals, motion)
-                counts += np.bincount(seen, minlength=5)
-        agree, front, behind, outside, other = (int(n) for n in counts)
+        seen = np.concatenate(
+            [
+                self._by_target.ask(self._of_source.points, self._of_source.normals, pose),
+                self._by_source.ask(
+                    self._of_target.points, self._of_target.normals, se3.inverse(pose)
+                ),
+            ]
+        )
+        agree, front, behind, outside, other = (int(n) for n in np.bincount(seen, minlength=5))
         return Visibility(agree, front, behind, outside, other, self.views)

@@ -2,14 +2,19 @@
 
 from __future__ import annotations
 
+from collections.abc import Callable
 from dataclasses import dataclass, field, replace
 
 import numpy as np
+from numpy.typing import NDArray
 
 from hmrf_icp.clouds.prepared import PreparedCloud
 from hmrf_icp.clouds.range_image import BAND
 from hmrf_icp.loop.match import Match, Matcher, Matches, NearestNeighbour
 from hmrf_icp.loop.placed import Placed
+from hmrf_icp.search.visibility import NearSurface
+
+Array = NDArray[np.float64]
 
 
 @dataclass(frozen=True)
@@ -19,7 +24,8 @@ class VisibleMatch:
     A point in space that the sensor looked through, hidden behind what it saw,
     or where it did not look, has no counterpart whatever its distance to the
     closest point (Masuda and Yokoya 1995 name these classes). Without a
-    viewpoint there is no evidence, and nothing but the matches.
+    viewpoint a point has one where it is on the target's surface, within the noise and the
+    spacing, and faces its way.
 
     Parameters
     ----------
@@ -42,15 +48,32 @@ class VisibleMatch:
     def prepare(self, source: PreparedCloud, target: PreparedCloud) -> Match:
         """Look up what the target's sensor saw."""
         match = self.match.prepare(source, target)
-        view = target.range_image
-        if view is None:
-            return match
-        view = view.wider((self.band - BAND) * target.surface.noise)
-        surface = source.surface
-        log_odds = np.array(self.log_odds)
+        evidence = self.evidence(source, target)
 
         def match_visible(source: Placed) -> Matches:
-            seen = view.ask(surface.points, surface.normals, source.transformation)
-            return replace(match(source), label_log_odds=log_odds[seen])
+            matches = match(source)
+            return replace(matches, label_log_odds=evidence(source, matches))
 
         return match_visible
+
+    def evidence(
+        self, source: PreparedCloud, target: PreparedCloud
+    ) -> Callable[[Placed, Matches], Array]:
+        """Return what tells the log-odds (M,) of every label."""
+        surface, log_odds = source.surface, np.array(self.log_odds)
+        view = target.range_image
+        if view is None or source.range_image is None:
+            near = NearSurface(target, self.band)
+
+            def on_the_surface(source: Placed, matches: Matches) -> Array:
+                normals = surface.normals @ source.transformation[:3, :3].T
+                return np.asarray(log_odds[near.tell(matches.distance, matches.index, normals)])
+
+            return on_the_surface
+        view = view.wider((self.band - BAND) * target.surface.noise)
+
+        def seen(source: Placed, matches: Matches) -> Array:  # noqa: ARG001
+            codes = view.ask(surface.points, surface.normals, source.transformation)
+            return np.asarray(log_odds[codes])
+
+        return seen

@@ -26,6 +26,7 @@ from hmrf_icp.evaluate.report.style import (
     Drawing,
     drawing_style,
     sheet,
+    shown,
 )
 
 if TYPE_CHECKING:
@@ -55,7 +56,9 @@ def reliability_figure(study: Study) -> Drawing | None:
             colour, marker = COLOURS[number % 6], MARKERS[number % 6]
             height = [share.solved / share.runs for share in result.shares]
             low, high = zip(*(share.interval for share in result.shares), strict=True)
-            left.plot(result.confidence, height, color=colour, marker=marker, label=score.label)
+            left.plot(
+                result.confidence, height, color=colour, marker=marker, label=shown(score.label)
+            )
             left.vlines(result.confidence, low, high, color=colour, linewidth=0.8, alpha=0.6)
             for solved, line in ((True, "-"), (False, "--")):
                 right.hist(
@@ -65,7 +68,7 @@ def reliability_figure(study: Study) -> Drawing | None:
                     color=colour,
                     linestyle=line,
                     linewidth=1.5,
-                    label=f"{score.label}, {'solved' if solved else 'not solved'}",
+                    label=shown(f"{score.label}, {'solved' if solved else 'not solved'}"),
                 )
             words.append(
                 f"{score.label}: calibration error {result.calibration_error:.3f}, Brier score "
@@ -80,6 +83,7 @@ def reliability_figure(study: Study) -> Drawing | None:
         right.set_xlabel("Stated confidence")
         right.set_ylabel("Runs")
         right.set_yscale("symlog", linthresh=1)
+        right.yaxis.set_major_formatter(lambda y, _: f"{y:g}")
         right.yaxis.set_major_formatter(lambda y, _: f"{y:g}")
         right.set_title("Who is given which confidence")
         right.legend(loc="upper center")
@@ -147,7 +151,7 @@ def _roc(axes: Axes, curves: list[Score], low_only: bool) -> None:
             true,
             color=COLOURS[number % len(COLOURS)],
             linestyle=line,
-            label=f"{score.label}, {score.column}: {area:.3f}",
+            label=shown(f"{score.label}, {score.column}: {area:.3f}"),
         )
     if not axes.get_legend_handles_labels()[1]:
         axes.text(0.5, 0.5, "only successes, or only failures", ha="center", color=GREY)

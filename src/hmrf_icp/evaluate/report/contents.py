@@ -6,6 +6,7 @@ import shlex
 from collections.abc import Callable, Mapping, Sequence
 from typing import Any
 
+from hmrf_icp.evaluate.plain import plain
 from hmrf_icp.evaluate.progress import Progress, silent
 from hmrf_icp.evaluate.report.benchmark import benchmark_tables
 from hmrf_icp.evaluate.report.cast import Band, main_cast, settings_cast
@@ -39,6 +40,9 @@ from hmrf_icp.evaluate.report.tables import Table
 
 MOST_VALUES = 40
 """Longer lists of the configuration are cut in the page; config.json has them whole."""
+
+DEEPEST = 4
+"""What is nested more than this is left to config.json as well."""
 
 
 def sections(
@@ -182,12 +186,13 @@ def _run(study: Study) -> Section:
     config = dict(study.config)
     config.pop("starts", None)  # As labels, they are read more easily.
     command = config.pop("command", "")
-    if isinstance(command, Sequence) and not isinstance(command, str):
-        command = shlex.join(str(word) for word in command)
+    if isinstance(command, list | tuple):
+        command = shlex.join(_words(word) for word in command)
     remarks: list[str] = []
     for key in ("notes", "skipped", "left_out", "warnings"):
         found = config.pop(key, ())
-        remarks += [found] if isinstance(found, str) else [str(item) for item in found]
+        listed = found if isinstance(found, list | tuple) else [] if found is None else [found]
+        remarks += [_words(item) for item in listed]
     paragraphs = [] if study.config else ["There is no config.json beside results.csv."]
     if remarks:
         paragraphs.append("Left out, and why:")
@@ -195,7 +200,7 @@ def _run(study: Study) -> Section:
         "run-section",
         "What was run",
         paragraphs=paragraphs,
-        command=str(command),
+        command=_words(command),
         remarks=remarks,
         items=[pairs_table(study)],
         facts=[
@@ -206,18 +211,21 @@ def _run(study: Study) -> Section:
 
 
 def _facts(config: Mapping[str, Any]) -> list[tuple[str, str]]:
-    return [(name.replace("_", " "), _words(value)) for name, value in config.items()]
+    return [(plain(name.replace("_", " ")), _words(value)) for name, value in config.items()]
 
 
-def _words(value: Any) -> str:
-    """Write a value of the configuration out; what is inside another is named."""
+def _words(value: Any, depth: int = 0) -> str:
+    """Write a value of the configuration out, on one line; what is inside another is named."""
+    if depth > DEEPEST and isinstance(value, Mapping | list | tuple):
+        return "..."
     if isinstance(value, Mapping):
-        return ", ".join(f"{name} {_words(inner)}" for name, inner in value.items()) or "none"
+        inside = (f"{plain(name)} {_words(inner, depth + 1)}" for name, inner in value.items())
+        return ", ".join(inside) or "none"
     if isinstance(value, list | tuple):
         more = len(value) - MOST_VALUES
-        shown = ", ".join(_words(item) for item in value[:MOST_VALUES])
+        shown = ", ".join(_words(item, depth + 1) for item in value[:MOST_VALUES])
         return (f"{shown} and {more} more" if more > 0 else shown) or "none"
-    return "not known" if value is None else str(value)
+    return "not known" if value is None else plain(str(value))
 
 
 def _some(*items: Any) -> list[Any]:

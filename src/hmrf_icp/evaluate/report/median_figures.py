@@ -7,7 +7,7 @@ from hmrf_icp.evaluate.report.methods import LABELS
 from hmrf_icp.evaluate.report.published import PAPER_ORDER, PaperRows
 from hmrf_icp.evaluate.report.runs import ReportedStart, angle_label
 from hmrf_icp.evaluate.report.study import Study
-from hmrf_icp.evaluate.report.style import BLUE, GREY, Drawing, drawing_style, sheet
+from hmrf_icp.evaluate.report.style import BLUE, GREY, Drawing, drawing_style, sheet, shown
 
 KINDS = (("error_m", "Translation (m)"), ("error_rad", "Rotation (rad)"))
 
@@ -27,13 +27,18 @@ def medians_figure(
             for axes, method in zip(row, methods, strict=True):
                 x, y = decile_medians(paper.overlap[chosen], published[method][chosen])
                 axes.plot(
-                    x, y, color=GREY, linestyle="--", marker="o", label=f"{paper.name} (paper)"
+                    x,
+                    y,
+                    color=GREY,
+                    linestyle="--",
+                    marker="o",
+                    label=shown(f"{paper.name} (paper)"),
                 )
                 highest = max(highest, float(y.max(initial=0.0)))
                 if ours is not None:
                     mask = ours.of(method)
                     x, y = decile_medians(ours["overlap"][mask], ours[column][mask])
-                    axes.plot(x, y, color=BLUE, marker="s", label=study.dataset)
+                    axes.plot(x, y, color=BLUE, marker="s", label=shown(study.dataset))
                     highest = max(highest, float(y.max(initial=0.0)))
             for axes, method in zip(row, methods, strict=True):
                 axes.set_ylim(0.0, 1.08 * highest or 1.0)

@@ -10,7 +10,7 @@ from numpy.typing import NDArray
 from hmrf_icp.evaluate.report.methods import ReportedMethod
 from hmrf_icp.evaluate.report.runs import ReportedStart
 from hmrf_icp.evaluate.report.study import Study
-from hmrf_icp.evaluate.report.style import PAPER_COLOURS, Drawing, drawing_style, sheet
+from hmrf_icp.evaluate.report.style import PAPER_COLOURS, Drawing, drawing_style, sheet, shown
 
 if TYPE_CHECKING:
     from matplotlib.axes import Axes
@@ -83,7 +83,7 @@ def _dots(
             facecolors="none",
             edgecolors="black",
             linewidths=0.7,
-            label=method.label,
+            label=shown(method.label),
             rasterized=True,
             zorder=3,
         )
@@ -101,7 +101,7 @@ def _dots(
         c=colour,
         marker=marker,
         linewidths=0,
-        label=method.label,
+        label=shown(method.label),
         rasterized=True,
         zorder=2 if method.name in PAPER_COLOURS else 4,
     )

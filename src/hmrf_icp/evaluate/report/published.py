@@ -8,6 +8,7 @@ from __future__ import annotations
 
 import csv
 import math
+import re
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 from pathlib import Path
@@ -16,6 +17,8 @@ import numpy as np
 from numpy.typing import NDArray
 
 from hmrf_icp.errors import InputError
+from hmrf_icp.evaluate.plain import plain
+from hmrf_icp.io.files import reading
 
 PAPER_ANGLE = math.pi / 30
 """Rotation of the starts in the paper's plots, radians."""
@@ -79,7 +82,7 @@ class PaperRows:
     Attributes
     ----------
     name
-        The file's name without its suffix.
+        The file's name without its suffix, in characters that anchors and files may have.
     overlap
         (N,) in [0, 1].
     angle
@@ -122,7 +125,7 @@ def read_paper_rows(path: Path) -> PaperRows:
     """
     if not path.is_file():
         raise InputError(f"{path}: no such file; expected a file of the paper's result rows (CSV)")
-    with path.open(encoding="utf-8", newline="") as stream:
+    with reading(path, "rows"), path.open(encoding="utf-8", newline="") as stream:
         reader = csv.DictReader(stream, skipinitialspace=True)
         header = [name.strip() for name in reader.fieldnames or ()]
         reader.fieldnames = header
@@ -143,7 +146,7 @@ def read_paper_rows(path: Path) -> PaperRows:
         }
 
     return PaperRows(
-        name=path.stem,
+        name=re.sub(r"[^\w.-]+", "-", plain(path.stem)),
         overlap=_column(path, rows, "overlap"),
         angle=_column(path, rows, "angle") if "angle" in header else None,
         metres=named("t_err"),

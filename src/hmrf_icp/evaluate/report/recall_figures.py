@@ -20,6 +20,7 @@ from hmrf_icp.evaluate.report.style import (
     looks,
     recall_axis,
     sheet,
+    shown,
 )
 
 if TYPE_CHECKING:
@@ -188,7 +189,7 @@ def _line(
         return
     values = [shares[i].value or 0.0 for i in there]
     places = [float(x[i]) for i in there]
-    axes.plot(places, values, label=label, **look.arguments())
+    axes.plot(places, values, label=shown(label), **look.arguments())
     if interval:
         low, high = zip(*(shares[i].interval for i in there), strict=True)
         axes.vlines(places, low, high, color=look.colour, linewidth=0.8, alpha=0.45)
@@ -208,9 +209,9 @@ def _times(
         return
     x, y, methods = zip(*points, strict=True)
     arguments = {**look.arguments(), "linewidth": 0.8, "markersize": 7.0, "alpha": 0.9}
-    axes.plot(x, y, label=family_label(members[0].family), **arguments)
-    if len(points) > 1:
-        for place in (0, -1):
+    axes.plot(x, y, label=shown(family_label(members[0].family)), **arguments)
+    for place in (0, -1) if len(points) > 1 else ():
+        if methods[place].threshold is not None:
             axes.annotate(
                 f"{methods[place].threshold:g}",
                 (x[place], y[place]),

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import math
+import re
 import warnings
 from collections.abc import Mapping
 from dataclasses import dataclass
@@ -16,11 +17,13 @@ from hmrf_icp.errors import HmrfIcpError, InputError, RegistrationWarning
 from hmrf_icp.evaluate import peers
 from hmrf_icp.evaluate.configuration import Configuration
 from hmrf_icp.evaluate.methods import NamedMethod, own_methods
+from hmrf_icp.evaluate.plain import plain
 from hmrf_icp.evaluate.prepared import Prepared
 from hmrf_icp.evaluate.progress import Progress, silent
 from hmrf_icp.evaluate.protocol import Axes, Pair, Start, perturbed, true_transformation
 from hmrf_icp.evaluate.report.page import ShownRun
 from hmrf_icp.evaluate.report.pictures import Scene, draw_scene
+from hmrf_icp.evaluate.report.runs import Runs
 from hmrf_icp.evaluate.report.study import Study
 from hmrf_icp.evaluate.report.style import Drawing
 from hmrf_icp.evaluate.report.worst import WorstRun, worst_runs
@@ -31,6 +34,9 @@ Array = NDArray[np.float64]
 
 RENDERED = "synthetic"
 """Beginning of the names of data sets that are made on the spot, and so are always there."""
+
+MOST_AXES = 1_000_000
+"""An evaluation has some dozen."""
 
 SAME = 1e-4
 """A run done again that ends within this many metres and radians of its row ended the same."""
@@ -54,7 +60,8 @@ def shown_runs(study: Study, count: int, report: Progress = silent) -> tuple[lis
             report("Drawing the worst runs", place - 1, len(worst))
             drawn.append(replay.draw(study, run, f"worst-{place}"))
     except (HmrfIcpError, OSError) as error:
-        return [ShownRun(run, None) for run in worst], f"There are no pictures: {error}."
+        reason = plain(str(error))
+        return [ShownRun(run, None) for run in worst], f"There are no pictures: {reason}."
     return [ShownRun(run, drawing) for run, drawing in zip(worst, drawn, strict=True)], ""
 
 
@@ -68,8 +75,6 @@ class Replay:
         Where the pairs come from.
     clouds
         How frames become the clouds that are registered.
-    pairs
-        By name.
     axes
         The directions of the starts.
     from_camera
@@ -80,7 +85,6 @@ class Replay:
 
     source: PairSource
     clouds: Clouds
-    pairs: Mapping[str, Pair]
     axes: Axes
     from_camera: bool
     methods: Mapping[str, NamedMethod]
@@ -98,27 +102,19 @@ class Replay:
         try:
             dataset = str(config["dataset"])
             subsample, axes, seed = (int(config[key]) for key in ("subsample", "axes", "seed"))
-        except (KeyError, TypeError, ValueError) as error:
+        except (KeyError, TypeError, ValueError, OverflowError) as error:
             raise InputError(f"config.json does not say how the runs were made ({error})") from None
+        if not (0 < axes <= MOST_AXES and seed >= 0 and subsample > 0):
+            raise InputError(
+                f"config.json has {axes} axes, the seed {seed} and a step of {subsample}; "
+                "no run can have been made so"
+            )
         if not dataset.startswith(RENDERED) and not Path(dataset).is_dir():
             raise InputError(f"the data are not at {dataset}")
         data = datasets.open_dataset(dataset)
-        runs = study.runs
-        pairs = {
-            str(runs["pair"][i]): Pair(
-                int(runs["target"][i]),
-                int(runs["source"][i]),
-                float(runs["overlap"][i]),
-                study.scenes.get(str(runs["pair"][i]), ""),
-            )
-            for i in np.unique(runs["pair"], return_index=True)[1]
-        }
-        every = sorted({pair.target for pair in pairs.values()})
-        targets = None if isinstance(data, datasets.PairSet) else tuple(every)
         return cls(
-            source_of(data, Configuration(dataset, targets=targets)),
+            source_of(data, Configuration(dataset)),
             Clouds("replay", subsample, bool(config.get("points_alone", False))),
-            pairs,
             Axes.random(axes, seed),
             isinstance(data, datasets.Sequence) and data.sensor == "depth camera",
             {**own_methods(), **peers.catalogue()},
@@ -133,13 +129,19 @@ class Replay:
             A frame cannot be read, or the method is not in this installation.
         """
         row = study.runs.where(np.array([run.index]))
-        posed = self.source.posed(self.pairs[str(row["pair"][0])])
+        axis = _whole(row, "axis")
+        if axis >= len(self.axes):
+            raise InputError(f"row {row.line[0]} has axis {axis} of {len(self.axes)}")
+        place = study.scenes.get(str(row["pair"][0]), "")
+        overlap = float(row["overlap"][0])
+        pair = Pair(_whole(row, "target"), _whole(row, "source"), overlap, place)
+        posed = self.source.posed(pair)
         source, target = (self.clouds.prepare(frame) for frame in (posed.source, posed.target))
         truth = true_transformation(posed.source.pose, posed.target.pose)
         start = Start(float(row["angle"][0]), posed.unit * float(row["translation"][0]))
         init = None
         if start.given:
-            init = perturbed(truth, source.centroid, self.axes, int(row["axis"][0]), start)
+            init = perturbed(truth, source.centroid, self.axes, axis, start)
         end = None
         caption = ""
         if not row.failed[0]:
@@ -172,4 +174,17 @@ class Replay:
         with warnings.catch_warnings():
             # What the method had to say of these clouds, it said when it was evaluated.
             warnings.simplefilter("ignore", RegistrationWarning)
-            return self.methods[name].register(source, target, init).transformation
+            try:
+                outcome = self.methods[name].register(source, target, init)
+                return se3.as_rigid(outcome.transformation, "its pose")
+            except Exception as error:  # of a library of others, or of one that has changed since
+                kind = type(error).__name__
+                raise InputError(f"{name}, done again, gave no pose ({kind}: {error})") from error
+
+
+def _whole(row: Runs, column: str) -> int:
+    """Read a cell as a number from zero on."""
+    word = str(row[column][0])
+    if not re.fullmatch(r"[0-9]{1,9}", word):
+        raise InputError(f"row {row.line[0]} has the {column} {word!r}, expected a whole number")
+    return int(word)

@@ -17,9 +17,11 @@ import numpy as np
 from numpy.typing import NDArray
 
 from hmrf_icp.errors import InputError
+from hmrf_icp.evaluate.plain import plain
 from hmrf_icp.evaluate.progress import Progress, silent
 from hmrf_icp.evaluate.protocol import NONE
 from hmrf_icp.evaluate.report.statistics import decile
+from hmrf_icp.io.files import reading
 
 Mask: TypeAlias = NDArray[np.bool_]
 
@@ -40,6 +42,9 @@ NUMBERS = (
 )
 LINES_AT_ONCE = 10_000
 """Lines read from one word about the progress to the next."""
+
+HIGHEST = {"overlap": 1.0, "angle": math.inf, "translation": math.inf, "seconds": math.inf}
+"""The largest that a column may hold; none of them, nor an error, is below zero."""
 
 REQUIRED = ("overlap", "angle", "method", "error_m", "error_rad", "iterations", "seconds")
 
@@ -229,15 +234,15 @@ def read_results(path: Path, report: Progress = silent) -> Runs:
     Raises
     ------
     InputError
-        The file is missing or empty, lacks a column, or holds no number where
-        one is needed.
+        The file is missing or empty, lacks a column, holds no number where one is needed, or
+        one out of its range; the message names the line.
     """
     if not path.is_file():
         raise InputError(
             f"{path}: no such file; expected the results.csv that `hmrf-icp evaluate` writes "
             "(give the folder that was its --output)"
         )
-    with path.open(encoding="utf-8", newline="") as stream:
+    with reading(path, "results"), path.open(encoding="utf-8", newline="") as stream:
         reader = csv.reader(_whole_lines(stream, path, report))
         header = [name.strip() for name in next(reader, [])]
         if not header:
@@ -277,7 +282,7 @@ def _columns(path: Path, header: Sequence[str], rows: Iterator[list[str]]) -> Ru
             )
         lines.append(line)
         for name, words in text.items():
-            words.append(sys.intern(row[place[name]].strip()))
+            words.append(sys.intern(plain(row[place[name]])))
         for name, values in numbers.items():
             word = row[place[name]]
             try:
@@ -312,6 +317,16 @@ def _checked(
         bad = np.flatnonzero(np.isnan(values[name]))
         if bad.size:
             raise InputError(f"{path}, line {lines[bad[0]]}: no {name}")
+    for name in (*HIGHEST, "error_m", "error_rad"):
+        high = HIGHEST.get(name, math.inf)
+        bad = np.flatnonzero((values[name] < 0) | (values[name] > high))
+        if bad.size:
+            expected = "0 or more" if high == math.inf else f"0 to {high:g}"
+            found = f"{name} is {values[name][bad[0]]:g}, expected {expected}"
+            raise InputError(f"{path}, line {lines[bad[0]]}: {found}")
+    nameless = np.flatnonzero(words["method"] == "")
+    if nameless.size:
+        raise InputError(f"{path}, line {lines[nameless[0]]}: no method")
     if not words["pair"].any():
         words["pair"] = np.char.add(np.char.add(words["target"], "-"), words["source"])
     return Runs(words, values, lines)

@@ -13,10 +13,12 @@ from typing import Any
 import numpy as np
 
 from hmrf_icp.errors import InputError
+from hmrf_icp.evaluate.plain import plain
 from hmrf_icp.evaluate.progress import Progress, silent
 from hmrf_icp.evaluate.report.hindsight import Hindsight, hindsights
 from hmrf_icp.evaluate.report.methods import ReportedMethod, Roster
 from hmrf_icp.evaluate.report.runs import Mask, ReportedStart, Runs, Success, read_results
+from hmrf_icp.io.files import reading
 
 
 @dataclass(frozen=True, eq=False)
@@ -116,7 +118,7 @@ class Study:
         if isinstance(dataset, Mapping):
             dataset = dataset.get("name") or dataset.get("path") or ""
         text = str(dataset).rstrip("/\\")
-        return text.replace("\\", "/").rsplit("/", 1)[-1] or self.folder.resolve().name
+        return plain(text.replace("\\", "/").rsplit("/", 1)[-1] or self.folder.resolve().name)
 
 
 def _read_config(path: Path) -> Mapping[str, Any]:
@@ -124,7 +126,7 @@ def _read_config(path: Path) -> Mapping[str, Any]:
         return {}
     try:
         config = json.loads(path.read_text(encoding="utf-8"))
-    except ValueError as error:
+    except (ValueError, RecursionError) as error:
         raise InputError(f"{path}: not JSON ({error}); run `hmrf-icp evaluate` again") from None
     if not isinstance(config, Mapping):
         raise InputError(f"{path}: expected an object, found {type(config).__name__}")
@@ -135,6 +137,6 @@ def _read_pairs(folder: Path) -> tuple[Mapping[str, str], ...]:
     path = folder / "pairs.csv"
     if not path.is_file():
         return ()
-    with path.open(encoding="utf-8", newline="") as stream:
+    with reading(path, "a list of pairs"), path.open(encoding="utf-8", newline="") as stream:
         rows = csv.DictReader(stream, skipinitialspace=True)
         return tuple({k: v for k, v in row.items() if k and v is not None} for row in rows)

@@ -31,6 +31,8 @@ SETTINGS: Any = {
     "legend.frameon": False,
     "lines.linewidth": 1.6,
     "lines.markersize": 5.0,
+    # Names of others stand in the figures, and a $ in them is a dollar.
+    "text.parse_math": False,
     # The same results give the same bytes.
     "svg.hashsalt": "hmrf-icp",
     "figure.facecolor": "white",
@@ -179,6 +181,11 @@ def sheet(rows: int, columns: int, width: float, height: float) -> tuple[Figure,
     FigureCanvasAgg(figure)
     axes = figure.subplots(rows, columns, squeeze=False)
     return figure, [list(row) for row in axes]
+
+
+def shown(label: str) -> str:
+    """Return a label that legends show: they leave out what begins with an underscore."""
+    return f" {label}" if label.startswith("_") else label
 
 
 def recall_axis(axes: Axes) -> None:

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import re
 from collections.abc import Sequence
 from dataclasses import dataclass, field
 
@@ -88,25 +89,29 @@ class Table:
 
     def markdown(self) -> str:
         """Write as a GitHub table under its caption."""
-        lines = [f"**{self.caption}**", ""]
-        header = [_escape(name).replace("\n", ", ") for name in (self.corner, *self.columns)]
+        lines = [f"**{escaped(self.caption)}**", ""]
+        header = [escaped(name.replace("\n", ", ")) for name in (self.corner, *self.columns)]
         lines.append("| " + " | ".join(header) + " |")
         lines.append("|---" + "|---:" * len(self.columns) + "|")
         for group in self.groups:
             if group.heading:
-                lines.append(f"| *{_escape(group.heading)}*" + " | " * len(self.columns) + " |")
+                lines.append(f"| *{escaped(group.heading)}*" + " | " * len(self.columns) + " |")
             for row in group.rows:
-                label = f"**{_escape(row.label)}**" if row.strong else _escape(row.label)
+                label = f"**{escaped(row.label)}**" if row.strong else escaped(row.label)
                 lines.append("| " + " | ".join((label, *map(_markdown_cell, row.cells))) + " |")
         for note in self.notes:
-            lines += ["", note]
+            lines += ["", escaped(note)]
         return "\n".join(lines) + "\n"
 
 
 def _markdown_cell(cell: Cell) -> str:
-    text = f"**{_escape(cell.text)}**" if cell.strong else _escape(cell.text)
-    return f"{text} ({_escape(cell.detail)})" if cell.detail else text
+    text = f"**{escaped(cell.text)}**" if cell.strong else escaped(cell.text)
+    return f"{text} ({escaped(cell.detail)})" if cell.detail else text
 
 
-def _escape(text: str) -> str:
-    return text.replace("|", "\\|")
+def escaped(text: str) -> str:
+    """Write text so that Markdown shows it as it is: no HTML, no markup, no table in it."""
+    line = (
+        " ".join(text.splitlines()).replace("&", "&amp;").replace("<", "&lt;").replace(">", "&gt;")
+    )
+    return re.sub(r"([\\|`*_\[\]$~])", r"\\\1", line)

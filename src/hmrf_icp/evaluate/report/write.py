@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import os
+import re
 from collections.abc import Sequence
 from dataclasses import dataclass
 from pathlib import Path
@@ -16,7 +17,7 @@ from hmrf_icp.evaluate.report.runs import Success
 from hmrf_icp.evaluate.report.study import Study
 from hmrf_icp.evaluate.report.style import Drawing
 from hmrf_icp.evaluate.report.summary import summary
-from hmrf_icp.evaluate.report.tables import Table
+from hmrf_icp.evaluate.report.tables import Table, escaped
 from hmrf_icp.io.whole import written_whole
 
 WORST_RUNS = 6
@@ -93,24 +94,28 @@ def write_report(
         ("report.html", page),
     ):
         with written_whole(folder / name) as path:
-            path.write_text(text, encoding="utf-8", newline="\n")
+            # The folder's name may be no text.
+            path.write_text(text, encoding="utf-8", errors="backslashreplace", newline="\n")
     return ReportFiles(folder / "report.html", folder / "tables.md", figures, tuple(said))
 
 
 def tables_markdown(title: str, said: Sequence[str], parts: Sequence[Section]) -> str:
     """Write the summary and all tables as Markdown, for a documentation page."""
-    lines = [f"# {title}", "", *(f"{sentence}\n" for sentence in said)]
+    lines = [f"# {escaped(title)}", "", *(f"{escaped(sentence)}\n" for sentence in said)]
     for part in parts:
         tables = [item for item in part.items if isinstance(item, Table)]
         if not tables:
             continue
         lines += [f"## {part.title}", ""]
         if part.command:
-            lines += ["```console", f"$ {part.command}", "```", ""]
-        lines += [f"- {remark}" for remark in part.remarks] + [""] * bool(part.remarks)
+            # No run of marks in the command may close the fence.
+            fence = "`" * (3 + max(map(len, re.findall("`+", part.command)), default=0))
+            lines += [f"{fence}console", f"$ {part.command}", fence, ""]
+        lines += [f"- {escaped(remark)}" for remark in part.remarks] + [""] * bool(part.remarks)
         lines += [table.markdown() for table in tables]
         # Where the data stood on one machine is nothing for a documentation page.
-        lines += [f"- {name}: {value}" for name, value in part.facts if name != "dataset"]
+        facts = [(name, value) for name, value in part.facts if name != "dataset"]
+        lines += [f"- {escaped(name)}: {escaped(value)}" for name, value in facts]
     return "\n".join(lines).rstrip("\n") + "\n"
 
 

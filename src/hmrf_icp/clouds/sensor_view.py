@@ -1,0 +1,101 @@
+"""What is known of the place that a cloud was seen from, and how."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from typing import Literal
+
+import numpy as np
+from numpy.typing import NDArray
+
+from hmrf_icp.clouds.camera import PinholeCamera
+from hmrf_icp.clouds.cloud import PointCloud
+from hmrf_icp.clouds.surface import Surface
+
+Array = NDArray[np.float64]
+Kind = Literal["given", "recovered", "assumed", "none"]
+
+
+@dataclass(frozen=True)
+class SensorView:
+    """How it is known where a cloud was seen from.
+
+    Attributes
+    ----------
+    kind
+        ``"given"`` with the cloud, its camera or its viewpoint; ``"recovered"`` from its points;
+        ``"assumed"``, the place from which least is hidden, as for a cloud that was fused from
+        several views: which side of its surfaces was seen is not known then; or ``"none"``.
+    text
+        The same in words, with the numbers.
+    """
+
+    kind: Kind
+    text: str
+
+    def __str__(self) -> str:
+        return self.text
+
+    @property
+    def known(self) -> bool:
+        """Whether the place is known: given or recovered."""
+        return self.kind in ("given", "recovered")
+
+
+NOWHERE = SensorView("none", "none: no viewpoint is known")
+
+
+@dataclass(frozen=True)
+class Seen:
+    """A place that a cloud was seen from, in its frame, metres, and the camera if there was one."""
+
+    view: SensorView
+    place: Array
+    camera: PinholeCamera | None = None
+
+
+def given_view(cloud: PointCloud) -> SensorView:
+    """Say what came with a cloud."""
+    if cloud.camera is not None:
+        one = cloud.camera
+        return SensorView("given", f"given: pinhole {one.width} x {one.height}, fx {one.fx:.1f}")
+    if cloud.viewpoint is not None:
+        return SensorView("given", f"given: viewpoint at {_text(cloud.viewpoint)}")
+    return NOWHERE
+
+
+def find_view(cloud: PointCloud, surface: Surface, origin: Array) -> Seen:
+    """Find where a cloud was seen from that says nothing of it.
+
+    The camera of an organised cloud is recovered exactly. Of other points the origin of their
+    frame is believed where they say so, and otherwise the place that hides least is assumed.
+
+    Parameters
+    ----------
+    cloud
+        The points.
+    surface
+        Of some of them.
+    origin
+        (3,) of the frame that they were given in, metres.
+    """
+    from hmrf_icp.clouds.assumed_viewpoint import assumed_viewpoint
+    from hmrf_icp.clouds.recovered_camera import recovered_camera
+    from hmrf_icp.clouds.viewpoint import viewpoint_of
+
+    if cloud.organised:
+        found = recovered_camera(cloud.points)
+        if found is not None:
+            view = SensorView("recovered", found.text)
+            return Seen(view, found.viewpoint, found.camera if found.at_origin else None)
+    if not origin.any():
+        here = viewpoint_of(cloud.observed_points)
+        if here.source == "origin":
+            return Seen(SensorView("recovered", f"recovered: {here.text}"), here.place)
+    place, hidden = assumed_viewpoint(surface, origin)
+    text = f"assumed: {_text(place)}, from where {hidden:.1%} of the points are hidden"
+    return Seen(SensorView("assumed", text), place)
+
+
+def _text(place: Array) -> str:
+    return "(" + ", ".join(f"{x:.4g}" for x in place + 0.0) + ")"

@@ -1,0 +1,116 @@
+"""Poses from nowhere, by how surfaces face and where they fit: no start and no features.
+
+Features need corners that both clouds saw. A table seen in an orbit, walls, a tenth of
+overlap have few; but that surfaces face alike leaves few rotations
+(:mod:`hmrf_icp.search.orientations`), and for each a correlation of all shifts
+(:mod:`hmrf_icp.search.correlation`) tells where surfaces agree without standing in space
+that was seen to be empty.
+"""
+
+from __future__ import annotations
+
+import numpy as np
+from numpy.typing import NDArray
+
+from hmrf_icp.search.correlation import Correlator, Sampled
+from hmrf_icp.search.orientations import Orientations, likely_rotations
+
+Array = NDArray[np.float64]
+
+POINTS = 3000
+"""Points of each cloud that take part, each for the same area."""
+
+RAYS = 10_000
+"""Rays of each that tell what is empty."""
+
+ROTATIONS, FINE = 150, 40
+"""Rotations that are found at the most, and those of them that are correlated on fine grids.
+
+Half of these are the likeliest as they are, half the best of the others on coarse grids: where
+much overlaps the first are right, and where little does the second.
+"""
+
+COARSE_CELLS, CELLS = 32, 48
+"""Cells along each edge of the grids."""
+
+SHIFTS = 8
+"""Shifts that are kept of each rotation."""
+
+
+def sampled(
+    points: Array,
+    normals: Array,
+    area: Array,
+    signed: bool,
+    viewpoint: Array | None = None,
+    count: int = POINTS,
+) -> Sampled:
+    """Choose about ``count`` points of a surface, each for the same area.
+
+    Parameters
+    ----------
+    points, normals
+        (M, 3) metres, and unit vectors; zero where a point has no normal.
+    area
+        (M,) that each point stands for, square metres.
+    signed
+        Whether the normals point to where the surface was seen from.
+    viewpoint
+        (3,) that place, metres; None where it is not known.
+    """
+    every = np.flatnonzero((normals != 0.0).any(axis=1))
+    rows, rays = (every[evenly(area[every], n)] for n in (count, RAYS))
+    return Sampled(points[rows], normals[rows], signed, points[rays], viewpoint)
+
+
+def evenly(area: Array, count: int) -> NDArray[np.intp]:
+    """Rows of about ``count`` points that each stand for the same share of the area (M,)."""
+    if len(area) <= count:
+        return np.arange(len(area))
+    # A few points that stand for far more than their share would be taken once only.
+    share = np.minimum(area, 20.0 * np.median(area))
+    passed = np.floor(np.cumsum(share) * (count / share.sum()) + 0.5)
+    return np.flatnonzero(np.diff(passed, prepend=0.0) > 0)
+
+
+def plane_hypotheses(
+    source: Sampled, target: Sampled, most: int, rotations: int = ROTATIONS, fine: int = FINE
+) -> tuple[Array, Array]:
+    """Find poses under which surfaces face alike, agree, and leave empty space empty.
+
+    Parameters
+    ----------
+    source, target
+        The clouds; see :func:`sampled`.
+    most
+        Poses to return at the most.
+    rotations
+        Rotations that are tried at the most.
+    fine
+        Those of them that are looked at closely.
+
+    Returns
+    -------
+    (K, 4, 4) poses, source to target, the likeliest first, and their scores (K,): the
+    logarithm of agreement to violation. Good to about half a cell and four degrees.
+    """
+    signed = source.signed and target.signed
+    turns, _ = likely_rotations(
+        Orientations.of(source.normals, signed), Orientations.of(target.normals, signed), rotations
+    )
+    if len(turns) > fine:
+        coarse, sure = Correlator(source, target, COARSE_CELLS), fine // 2
+        promise = [max(coarse.peaks(turn, 1)[1], default=-np.inf) for turn in turns[sure:]]
+        others = np.argsort(-np.array(promise), kind="stable")[: fine - sure]
+        turns = np.concatenate([turns[:sure], turns[sure + np.sort(others)]])
+    correlator = Correlator(source, target, CELLS)
+    poses, scores = [], []
+    for rotation in turns:
+        shifts, score = correlator.peaks(rotation, SHIFTS)
+        pose = np.zeros((len(shifts), 4, 4))
+        pose[:, :3, :3], pose[:, :3, 3], pose[:, 3, 3] = rotation, shifts, 1.0
+        poses.append(pose)
+        scores.append(score)
+    every = np.concatenate(scores)
+    best = np.argsort(-every, kind="stable")[:most]
+    return np.concatenate(poses)[best], every[best]

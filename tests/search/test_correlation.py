@@ -1,0 +1,98 @@
+"""Shifts come out of where surfaces agree, and of where nothing can be."""
+
+import numpy as np
+import pytest
+
+from hmrf_icp import se3
+from hmrf_icp.search.correlation import Correlator, Sampled, empty_cells, rarity
+
+CELLS = 32
+EYE = np.array([0.0, 0.0, -3.0])
+
+
+def facing(points, normals, viewpoint):
+    """Turn the normals towards the viewpoint."""
+    towards = ((viewpoint - points) * normals).sum(axis=1)
+    return normals * np.where(towards < 0.0, -1.0, 1.0)[:, None]
+
+
+def corner(seed=0, count=800):
+    """Three sides of a box that meet, each as large, seen from EYE."""
+    rng = np.random.default_rng(seed)
+    points, normals = [], []
+    for axis in range(3):
+        side = rng.uniform(-1.0, 1.0, (count, 3))
+        side[:, axis] = 1.0
+        points.append(side)
+        normals.append(np.tile(np.eye(3)[axis], (count, 1)))
+    points, normals = np.concatenate(points), np.concatenate(normals)
+    return points, facing(points, normals, EYE)
+
+
+def cloud(points, normals, viewpoint=EYE, signed=True):
+    return Sampled(points, normals, signed, points, viewpoint)
+
+
+def moved(one, pose):
+    """The same cloud, moved by a pose with its viewpoint."""
+    place = None if one.viewpoint is None else se3.transform(pose, one.viewpoint)
+    points = se3.transform(pose, one.points)
+    return Sampled(points, one.normals @ pose[:3, :3].T, one.signed, points, place)
+
+
+@pytest.mark.parametrize("viewpoint", [EYE, None])
+@pytest.mark.parametrize("unit", [1.0, 1000.0])
+def test_the_shift_of_a_corner_is_found_in_any_unit(viewpoint, unit):
+    points, normals = corner()
+    known = viewpoint is not None
+    source = cloud(unit * points, normals, unit * viewpoint if known else None, known)
+    pose = se3.rigid(se3.rotation_exp([0.3, -0.8, 2.0]), unit * np.array([3.0, -7.0, 0.4]))
+    correlator = Correlator(source, moved(source, pose), CELLS)
+    shifts, scores = correlator.peaks(pose[:3, :3], 5)
+    assert np.abs(shifts[0] - pose[:3, 3]).max() < correlator.cell
+    assert (np.diff(scores) <= 0).all()
+
+
+def test_backs_do_not_agree_with_fronts():
+    points, normals = corner()
+    source = cloud(points, normals, None)
+    same = Correlator(source, source, CELLS).peaks(np.eye(3), 1)[1][0]
+    turned = cloud(points, -normals, None)
+    _, scores = Correlator(source, turned, CELLS).peaks(np.eye(3), 1)
+    assert len(scores) == 0 or scores[0] < same - 1.0
+
+
+def test_no_point_stands_in_a_cell_that_was_seen_to_be_empty():
+    points, normals = corner()
+    edge = 0.2
+    empty = empty_cells(cloud(points, normals), edge)
+    assert len(empty) > 50
+    apart = np.abs(empty[:, None] - points[None]).max(axis=2).min(axis=1)
+    assert apart.min() >= edge
+    towards = (empty - EYE) @ np.array([0.0, 0.0, 1.0])
+    assert (towards > 0).all()
+    assert (empty < 1.0).all()
+
+
+def test_nothing_is_empty_where_no_viewpoint_is_known():
+    points, normals = corner()
+    assert len(empty_cells(cloud(points, normals, None), 0.2)) == 0
+
+
+def test_a_wall_is_not_put_where_the_other_sensor_saw_through():
+    # Two parallel walls, one before the other beside it: the source saw the hind one alone.
+    rng = np.random.default_rng(3)
+    hind = np.column_stack([rng.uniform(-2, 2, (1500, 2)), np.full(1500, 1.0)])
+    fore = np.column_stack([rng.uniform(2, 4, 700), rng.uniform(-2, 2, 700), np.zeros(700)])
+    both = np.concatenate([hind, fore])
+    normals = np.tile([0.0, 0.0, -1.0], (len(both), 1))
+    target, source = cloud(both, normals), cloud(hind, normals[: len(hind)])
+    shifts, _ = Correlator(source, target, CELLS).peaks(np.eye(3), 1)
+    assert np.abs(shifts[0]).max() < 0.3
+
+
+def test_the_few_that_face_elsewhere_are_rare():
+    normals = np.repeat(np.eye(3), [1000, 100, 10], axis=0)
+    rare = rarity(normals, True)
+    assert rare[0] < rare[1000] < rare[1100]
+    assert rare[1100] / rare[0] == pytest.approx(100.0, rel=0.05)
