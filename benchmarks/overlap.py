@@ -104,8 +104,7 @@ def measured(folder: Path, every: int) -> list[dict[str, object]]:
 
 def table(rows: list[dict[str, object]]) -> str:
     lines = [
-        "| pairs | solved | within 0.05 of the area | mean difference "
-        "| within 0.05 of the points |",
+        "| pairs | solved | within 0.05 of area | mean difference | within 0.05 of points |",
         "|---|---|---|---|---|",
     ]
     for kind in COLOURS:

@@ -129,13 +129,20 @@ def _called(function: Callable[[], Any], given: Any) -> Any:
 
 
 def _three(vectors: Any) -> Any:
-    """Drop the fourth, homogeneous, coordinate of normals; None where they say nothing."""
+    """Drop the fourth, homogeneous, coordinate of normals; None where they say nothing.
+
+    Memory that was never written to, as small_gicp has it before normals are asked for, does not.
+    """
     if vectors is None:
         return None
     array = np.asarray(vectors)
-    if array.ndim != 2 or array.shape[1] not in (3, 4) or not array.any():
+    if array.ndim != 2 or array.shape[1] not in (3, 4) or array.dtype.kind != "f":
         return None
-    return array[:, :3]
+    length = np.linalg.norm(array[:, :3], axis=1)
+    unit = np.abs(length - 1.0) < 1e-3
+    return (
+        array[:, :3] if unit.any() and (unit | (length == 0.0) | np.isnan(length)).all() else None
+    )
 
 
 def _array(given: Any) -> NDArray[Any]:

@@ -253,7 +253,8 @@ def prepare(
     size = float(np.median(np.linalg.norm(some - centre, axis=1)))
     if given.camera is not None or np.linalg.norm(centre) <= FAR * size:
         return PreparedCloud(given, look=look)
-    # Whole units keep the digits that coordinates of few decimals have.
-    origin = np.round(centre)
+    # A round number keeps the digits that coordinates of few decimals have.
+    unit = 10.0 ** math.floor(math.log10(size)) if size > 0.0 else 1.0
+    origin = np.round(centre / unit) * unit
     stood = None if given.viewpoint is None else given.viewpoint - origin
     return PreparedCloud(given.derived(given.points - origin, stood), origin, look=look)

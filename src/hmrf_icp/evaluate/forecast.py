@@ -9,7 +9,7 @@ POINTS = 20_000
 """Of the clouds that the seconds below were measured with."""
 
 SECONDS = {
-    "robust": 1.2,
+    "robust": 2.0,
     "gicp": 0.4,
     "gicp-chain": 1.5,
     "o3d-multiscale": 0.6,

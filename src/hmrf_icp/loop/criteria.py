@@ -25,6 +25,9 @@ class Criteria:
         whose angle is below this, radians.
     max_iterations
         Iterations after which it stops without having converged.
+    centre
+        Point of the target's frame whose motion the translation is, metres. The paper's is
+        the origin, wherever that is: about a far one, the smallest turn is a long way.
 
     Raises
     ------
@@ -35,6 +38,7 @@ class Criteria:
     translation: float = 0.01
     rotation: float = 0.001
     max_iterations: int = 50
+    centre: tuple[float, float, float] = (0.0, 0.0, 0.0)
 
     def __post_init__(self) -> None:
         """Refuse what no step could meet by mistake; 0 is the way to say never."""
@@ -46,10 +50,9 @@ class Criteria:
 
     def met(self, step: NDArray[np.float64]) -> bool:
         """Whether a step (4, 4) is small enough to stop."""
-        return (
-            se3.translation_norm(step) < self.translation
-            and se3.rotation_angle(step) < self.rotation
-        )
+        centre = np.array(self.centre)
+        went = float(np.linalg.norm(se3.transform(step, centre) - centre))
+        return went < self.translation and se3.rotation_angle(step) < self.rotation
 
     def on(self, target: PreparedCloud) -> Criteria:
         """Return these: they are in metres whatever the target."""
@@ -64,8 +67,8 @@ class RelativeCriteria:
     ----------
     step
         A step is small whose angle is below this, radians, and whose translation
-        is below this share of the target's size (root mean square distance of
-        its points from their centre).
+        of the target's centre is below this share of its size (root mean square distance
+        of its points from that).
     max_iterations
         As for :class:`Criteria`.
     """
@@ -75,7 +78,8 @@ class RelativeCriteria:
 
     def on(self, target: PreparedCloud) -> Criteria:
         """Return what they are for one target, in metres."""
-        return Criteria(self.step * target.surface.size, self.step, self.max_iterations)
+        x, y, z = target.points.mean(axis=0).tolist()
+        return Criteria(self.step * target.surface.size, self.step, self.max_iterations, (x, y, z))
 
 
 class StoppingRule(Protocol):

@@ -49,6 +49,8 @@ class Agreement:
             0.02,
             ends,
         )
+        lost = ~np.isfinite(ends).all(axis=(1, 2))
+        ends[lost] = poses[lost]
         return ends
 
     def shares(self, poses: Array) -> Array:

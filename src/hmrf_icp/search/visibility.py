@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 from dataclasses import dataclass
 from typing import Protocol
 
@@ -12,6 +13,9 @@ from hmrf_icp import se3
 from hmrf_icp.clouds.prepared import PreparedCloud
 from hmrf_icp.clouds.range_image import BAND
 from hmrf_icp.clouds.surface import Surface, evenly
+
+AGREE = 0
+"""As in :mod:`hmrf_icp.kernels.range_image`."""
 
 Array = NDArray[np.float64]
 
@@ -53,6 +57,13 @@ class Visibility:
         Whether a sensor's view was asked. Where no viewpoint is known, points
         agree with the surface they are on, are in ``front`` where they are a little off it and
         it goes on all round, and ``outside`` elsewhere.
+    facing
+        How many ways the points that agree face: the smallest eigenvalue of the mean of
+        n n', 0 for a plane, at most 1/3.
+    extent
+        How far they extend along the direction in which they do least, root mean square, as
+        a share of the target's size. Both are measured where no viewpoint is known: a plane
+        laid on a plane agrees wherever it lies.
     """
 
     agree: int
@@ -61,6 +72,8 @@ class Visibility:
     outside: int
     other: int
     views: bool = True
+    facing: float = 1.0 / 3.0
+    extent: float = 1.0
 
     @property
     def asked(self) -> int:
@@ -135,18 +148,36 @@ class VisibilityTest:
         self._of_target = Sample.of(target.surface, count)
         by_source, by_target = source.range_image, target.range_image
         self.views = by_source is not None and by_target is not None
+        self._size = target.surface.size
         self._by_source: Asked = by_source if by_source and by_target else NearSurface(source)
         self._by_target: Asked = by_target if by_source and by_target else NearSurface(target)
 
     def __call__(self, pose: Array) -> Visibility:
         """Ask about one pose (4, 4), source to target."""
-        seen = np.concatenate(
-            [
-                self._by_target.ask(self._of_source.points, self._of_source.normals, pose),
-                self._by_source.ask(
-                    self._of_target.points, self._of_target.normals, se3.inverse(pose)
-                ),
-            ]
+        mine, theirs = self._of_source, self._of_target
+        of_source = self._by_target.ask(mine.points, mine.normals, pose)
+        of_target = self._by_source.ask(theirs.points, theirs.normals, se3.inverse(pose))
+        counts = np.bincount(of_source, minlength=5) + np.bincount(of_target, minlength=5)
+        agree, front, behind, outside, other = (int(n) for n in counts)
+        if self.views:
+            return Visibility(agree, front, behind, outside, other)
+        one, two = of_source == AGREE, of_target == AGREE
+        points = np.concatenate([se3.transform(pose, mine.points[one]), theirs.points[two]])
+        normals = np.concatenate([mine.normals[one] @ pose[:3, :3].T, theirs.normals[two]])
+        return Visibility(
+            agree,
+            front,
+            behind,
+            outside,
+            other,
+            False,
+            least_spread(normals),
+            math.sqrt(least_spread(points - points.mean(axis=0))) / self._size if agree else 0.0,
         )
-        agree, front, behind, outside, other = (int(n) for n in np.bincount(seen, minlength=5))
-        return Visibility(agree, front, behind, outside, other, self.views)
+
+
+def least_spread(vectors: Array) -> float:
+    """Return the smallest eigenvalue of the mean of v v' over vectors (M, 3); 0 of none."""
+    if len(vectors) == 0:
+        return 0.0
+    return max(float(np.linalg.eigvalsh(vectors.T @ vectors / len(vectors))[0]), 0.0)

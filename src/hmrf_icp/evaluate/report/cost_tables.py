@@ -93,7 +93,9 @@ def effort_table(study: Study, bands: Sequence[Band], name: str = "effort") -> T
         ],
         groups=_by_band(study, bands, cells),
         notes=[
-            "A dash stands where a method has no such number or does not tell. Times are those of "
+            "A dash stands where a method has no such number or does not tell. That a method says "
+            "it converged means that its steps became small, and not that its pose is right: how "
+            "far to believe a pose is its confidence. Times are those of "
             "the machine named below, with the number of workers that the evaluation used."
         ],
     )

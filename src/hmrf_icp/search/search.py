@@ -1,0 +1,313 @@
+"""The search for one pair of clouds: candidates, the few likeliest of them registered and judged.
+
+Poses to start from are registered quickly on a coarse level, and the start itself on a finer
+one from several scales down. Each end is held against what both sensors saw, and the few
+likeliest, by that and by how near they are to the start, go through match, reject and
+align with everything that is known.
+"""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Callable, Iterator, Sequence
+from dataclasses import replace
+from itertools import islice
+from typing import NamedTuple, Protocol
+
+import numpy as np
+from numpy.typing import NDArray
+
+from hmrf_icp import se3
+from hmrf_icp.clouds.prepared import PreparedCloud
+from hmrf_icp.clouds.surface import Surface
+from hmrf_icp.loop.degeneracy import NOISE_ALONE
+from hmrf_icp.loop.icp import Iteration, Loop, LoopResult, Method
+from hmrf_icp.loop.polish import polish
+from hmrf_icp.loop.surface_metrics import SurfaceMetric
+from hmrf_icp.search.candidates import Annealer, Level, distinct, near, shifted, turned
+from hmrf_icp.search.confidence import confidence, log_odds
+from hmrf_icp.search.everywhere import everywhere
+from hmrf_icp.search.start_prior import FALL, FALL_ANYWHERE, StartPrior
+from hmrf_icp.search.visibility import Visibility, VisibilityTest
+
+Array = NDArray[np.float64]
+
+TESTED_EARLY, TESTED_LATE = 1000, 4000
+"""Points of each cloud that are held against the other's view: of many poses, and of the last."""
+
+FEWER = 4
+"""The finalists are compared on this many times fewer source points than the winner has."""
+
+PRUNE_MARGIN = 4.0
+"""A candidate whose log posterior odds are this far below the best so far is not tried."""
+
+RETURN_MARGIN = 1.0
+"""Log-odds that a pose may lose by going back to the start along a free direction, and by going
+through Algorithm 1: that it agrees with a few points more somewhere else is no evidence.
+"""
+
+SAME_ANGLE, SAME_SHIFT = 0.03, 0.02
+"""Radians and share of the target's size within which two poses lead to the same place."""
+
+SHORT = 8
+"""Iterations for a finalist: the right one needs no more, and the others lead nowhere."""
+
+
+class Plan(Protocol):
+    """What a search is asked to do; see :class:`hmrf_icp.search.coarse_to_fine.CoarseToFine`."""
+
+    @property
+    def method(self) -> Method:
+        """Algorithm 1."""
+
+    @property
+    def turn(self) -> float:
+        """Largest turn of the start, radians."""
+
+    @property
+    def turn_step(self) -> float:
+        """Edge of the lattice of turns, radians."""
+
+    @property
+    def shift(self) -> float:
+        """Shift of the start, a share of the target's size."""
+
+    @property
+    def coarse(self) -> Level:
+        """How starts are registered."""
+
+    @property
+    def close(self) -> Level:
+        """How the given start is."""
+
+    @property
+    def finalists(self) -> int:
+        """Candidates that go on."""
+
+    @property
+    def points(self) -> int:
+        """Points of each cloud at the most."""
+
+
+class Search:
+    """The search for one pair of clouds from one start: what it needs, and what it has found."""
+
+    def __init__(
+        self,
+        plan: Plan,
+        source: PreparedCloud,
+        target: PreparedCloud,
+        init: Array,
+        near: bool,
+        on_iteration: Callable[[Iteration], None] | None,
+    ) -> None:
+        self._plan, self._near = plan, near
+        self._source, self._target = (cloud.downsampled(plan.points) for cloud in (source, target))
+        few = self._source.downsampled(plan.points // FEWER)
+        self._rough = Loop(few, self._target, plan.method)
+        self._fine = Loop(self._source, self._target, plan.method)
+        self._test_early = VisibilityTest(self._source, self._target, TESTED_EARLY)
+        self._test_late = VisibilityTest(self._source, self._target, TESTED_LATE)
+        self._coarse, self._close = (
+            Annealer(self._source, self._target, level) for level in (plan.coarse, plan.close)
+        )
+        self._on_iteration = on_iteration
+
+        size = self._target.surface.size
+        middle = se3.transform(init, centre(self._source.surface))
+        fall = FALL if near else FALL_ANYWHERE
+        self._prior = StartPrior(init, middle, size, fall)
+        self.turns = turned(init, middle, plan.turn, plan.turn_step)
+        self.shifts = shifted(self.turns, plan.shift * size)
+
+        self._candidates: list[Candidate] = []
+        self._ends: list[Judged] = []
+        self._best: Judged | None = None
+
+    def farther(self) -> Iterator[Starts]:
+        """More starts, one kind after the other, for as long as somebody asks for them."""
+        shifts = Starts(self.shifts, 0, self._plan.finalists, False)
+        if self._near:
+            yield shifts
+            return
+        for poses in everywhere(self._source, self._target):
+            if len(poses):
+                yield Starts(poses, 1, 2 * self._plan.finalists, True)
+        yield shifts
+
+    def among(self, starts: Starts) -> Judged:
+        """Return the likeliest end of all starts so far, these and the given one."""
+        candidates = self._new_candidates(starts)
+        self._candidates += candidates
+        self._ends += self._tried(candidates)
+        return self._refined()
+
+    def _new_candidates(self, starts: Starts) -> list[Candidate]:
+        """Poses that starts lead to, but to none that was tried; at first the given start too."""
+        prior, poses = self._prior, self._coarse(starts.poses, starts.scale)
+        first = not self._candidates
+        if first:
+            poses = np.concatenate([self._close.from_each_scale(prior.start), poses])
+        log_posterior = np.array([self._log_posterior(pose) for pose in poses])
+        there = [candidate.pose for candidate in self._candidates]
+        found: list[Candidate] = []
+        # Hypotheses come with an order of their own, which sees what the test does not.
+        by_order = starts.most // 3 if starts.ordered else 0
+        for score, most in (
+            (log_posterior, starts.most - by_order),
+            (-np.arange(len(poses), dtype=np.float64), by_order),
+        ):
+            others = there + [candidate.pose for candidate in found]
+            rows = distinct(poses, score, others, SAME_ANGLE, SAME_SHIFT * prior.size)
+            found += [Candidate(poses[i], log_posterior[i]) for i in islice(rows, most)]
+        # The start as it is has a place beside them, whatever a coarse level makes of it.
+        start = Candidate(prior.start, self._log_posterior(prior.start))
+        return [start, *found] if first else found
+
+    def _log_posterior(self, pose: Array) -> float:
+        return log_odds(self._test_early(pose)) + self._prior(pose)
+
+    def _tried(self, candidates: Sequence[Candidate]) -> list[Judged]:
+        """Run Algorithm 1 from the candidates on few points.
+
+        The likeliest goes first; those below the prune margin of what it leads to are left out.
+        """
+        ends: list[Judged] = []
+        best = -math.inf if self._best is None else self._best.log_posterior
+        for pose, log_posterior in sorted(candidates, key=lambda one: -one.log_posterior):
+            if log_posterior < best - PRUNE_MARGIN:
+                break
+            end = self._judged(self._rough(pose, self._on_iteration, SHORT))._replace(
+                candidate=pose
+            )
+            best = max(best, end.log_posterior)
+            if not any(self._same(end, other) for other in (*self._ends, *ends)):
+                ends.append(end)
+        return ends
+
+    def _same(self, one: Judged, other: Judged) -> bool:
+        poses = one.loop.transformation, other.loop.transformation
+        return near(*poses, SAME_ANGLE, SAME_SHIFT * self._prior.size)
+
+    def _refined(self) -> Judged:
+        """Run the likeliest to the end; the next too while it is likelier than what came out."""
+        while self._ends:
+            end = likeliest(self._ends)
+            if self._best is not None and end.log_posterior <= self._best.log_posterior:
+                break
+            self._ends.remove(end)
+            refined = self._unmoved(self._continued(end, end.loop.transformation))
+            self._best = refined if self._best is None else likeliest([self._best, refined])
+        assert self._best is not None
+        return self._best
+
+    def _unmoved(self, end: Judged) -> Judged:
+        """Take back what the search did along directions of which nothing is known."""
+        last = end.loop.last
+        if last is None or last.degenerate is None or last.weakest is None:
+            return end
+        if last.weakest >= NOISE_ALONE:
+            return end
+        pose = self._prior.nearest(end.loop.transformation, last.degenerate)
+        back = self._continued(end, pose)
+        return back if back.log_posterior >= end.log_posterior - RETURN_MARGIN else end
+
+    def _continued(self, end: Judged, pose: Array) -> Judged:
+        """Run Algorithm 1 to the end from a pose that an earlier end led to."""
+        before = len(end.loop.history)
+        fine = self._fine(pose, self._on_iteration, after=before)
+        return self._judged(after(end.loop, fine))._replace(candidate=end.candidate)
+
+    def no_worse(self, end: Judged) -> Judged:
+        """Return the candidate that an end came from where that was likelier than the end is."""
+        pose = end.candidate
+        if pose is None:
+            return end
+        least = end.log_posterior + RETURN_MARGIN
+        if log_odds(self._test_late(pose)) + self._prior(pose) <= least:
+            return end  # Whatever the surfaces say of it, which can only be against it.
+        there = self._judged(self._fine.at(pose))
+        return there if there.log_posterior > least else end
+
+    def polished(self, end: Judged) -> Judged:
+        """Take the last steps, where the loop has arrived and the metric looks at surfaces."""
+        metric = self._plan.method.align
+        if not end.loop.converged or not isinstance(metric, SurfaceMetric):
+            return end
+        loop = polish(end.loop, self._source, self._target, metric, self._on_iteration)
+        polished = self._judged(loop)
+        worse = polished.log_posterior < end.log_posterior - RETURN_MARGIN
+        return end if worse else polished
+
+    def _judged(self, loop: LoopResult) -> Judged:
+        pose = loop.transformation
+        return Judged(loop, self._test_late(pose), self._prior(pose))
+
+
+class Starts(NamedTuple):
+    """Poses (K, 4, 4) to start from, and how.
+
+    Attributes
+    ----------
+    poses
+        Source to target.
+    scale
+        Number of the coarse level's scale from which they are registered down.
+    most
+        Candidates that are taken of them at the most.
+    ordered
+        Whether the likeliest come first.
+    """
+
+    poses: Array
+    scale: int
+    most: int
+    ordered: bool
+
+
+class Candidate(NamedTuple):
+    """A pose (4, 4) that may be tried, and its log posterior odds on few points."""
+
+    pose: Array
+    log_posterior: float
+
+
+class Judged(NamedTuple):
+    """Where a loop ended, what both sensors say of it, and what the start said before.
+
+    ``candidate`` (4, 4) is the pose that the first loop began at.
+    """
+
+    loop: LoopResult
+    visibility: Visibility
+    prior: float
+    candidate: Array | None = None
+
+    @property
+    def confidence(self) -> float:
+        """Probability that the pose is right without the prior of the start."""
+        return confidence(self.visibility, self.loop.weakest)
+
+    @property
+    def log_posterior(self) -> float:
+        """Log-odds of the pose, with all that is known."""
+        return log_odds(self.visibility, self.loop.weakest) + self.prior
+
+
+def likeliest(ends: Sequence[Judged]) -> Judged:
+    """Choose the one for which evidence and start together speak most."""
+    return max(ends, key=lambda end: end.log_posterior)
+
+
+def after(before: LoopResult, loop: LoopResult) -> LoopResult:
+    """Give a result the history of the loop that its start came from."""
+    return replace(
+        loop,
+        em_iterations=before.em_iterations + loop.em_iterations,
+        history=(*before.history, *loop.history),
+    )
+
+
+def centre(surface: Surface) -> Array:
+    """Centre (3,) of a surface, each point by its area."""
+    return np.asarray(surface.area @ surface.points / surface.area.sum())
