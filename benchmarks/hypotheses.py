@@ -85,7 +85,7 @@ def ransac(pair, _bare, _count):
     sides, described = [], []
     begun = time.process_time()
     for cloud in (pair.source, pair.target):
-        side = o3d.geometry.PointCloud(o3d.utility.Vector3dVector(cloud.observed_points))
+        side = o3d.geometry.PointCloud(o3d.utility.Vector3dVector(cloud.observed_points.copy()))
         side = side.voxel_down_sample(voxel)
         side.estimate_normals(o3d.geometry.KDTreeSearchParamHybrid(2 * voxel, 30))
         side.orient_normals_towards_camera_location(np.zeros(3))

@@ -85,7 +85,7 @@ def open3d(distance):
         from open3d import geometry, pipelines, utility
 
         clouds = [
-            geometry.PointCloud(utility.Vector3dVector(cloud.observed_points))
+            geometry.PointCloud(utility.Vector3dVector(cloud.observed_points.copy()))
             for cloud in (source, target)
         ]
         registration = pipelines.registration

@@ -10,7 +10,7 @@ import pytest
 from evaluation_fakes import STAY, asked, rows, write_recording
 
 from hmrf_icp import InputError
-from hmrf_icp.evaluate import Method, evaluate
+from hmrf_icp.evaluate import NamedMethod, evaluate
 from hmrf_icp.evaluate.configuration import require_same
 from hmrf_icp.evaluate.evaluation import _read_pairs
 from hmrf_icp.evaluate.plain import cell, plain
@@ -32,7 +32,9 @@ def recording(tmp_path_factory):
 )
 def test_a_name_that_results_cannot_hold_is_refused_before_any_work(recording, tmp_path, name):
     with pytest.raises(InputError, match="cannot be a name in results"):
-        evaluate(asked(recording), tmp_path / "out", extra_methods=[Method(name, STAY.register)])
+        evaluate(
+            asked(recording), tmp_path / "out", extra_methods=[NamedMethod(name, STAY.register)]
+        )
     assert not (tmp_path / "out").exists()
 
 
@@ -41,7 +43,7 @@ def _fail(source, target, init):
 
 
 def test_odd_names_and_failures_are_evaluated_stopped_and_gone_on_with(recording, tmp_path):
-    odd = [Method('mine, "<b>" $a_{b$ [/red] μ|x', _fail), Method("stay", STAY.register)]
+    odd = [NamedMethod('mine, "<b>" $a_{b$ [/red] μ|x', _fail), NamedMethod("stay", STAY.register)]
     for _ in range(2):
         evaluate(asked(recording, methods=()), tmp_path, workers=1, extra_methods=odd)
     found = rows(tmp_path)

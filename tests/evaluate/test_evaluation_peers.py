@@ -11,8 +11,9 @@ from evaluation_fakes import asked, rows
 from hmrf_icp import se3
 from hmrf_icp.clouds.cloud import PointCloud
 from hmrf_icp.errors import InputError
-from hmrf_icp.evaluate import evaluate, peers
-from hmrf_icp.evaluate.peers import FAMILIES, THRESHOLDS, NoAnswerError
+from hmrf_icp.evaluate import evaluate, peer_calls, peers
+from hmrf_icp.evaluate.peer_calls import NoAnswerError
+from hmrf_icp.evaluate.peers import FAMILIES, THRESHOLDS
 from hmrf_icp.evaluate.prepared import Prepared
 from hmrf_icp.synthetic.render import render
 from hmrf_icp.synthetic.scenes import CAMERA, SCENES, trajectory
@@ -78,7 +79,9 @@ def test_a_larger_threshold_believes_in_more_matches(
 ):
     pytest.importorskip("small_gicp")
     source, target, truth = desk
-    fitness = [peers.gicp(source, target, truth, (reach,)).fitness for reach in (0.01, 0.05, 0.8)]
+    fitness = [
+        peer_calls.gicp(source, target, truth, (reach,)).fitness for reach in (0.01, 0.05, 0.8)
+    ]
     assert fitness == sorted(fitness)
     assert fitness[0] < fitness[-1]
 

@@ -57,7 +57,7 @@ def test_no_results(tmp_path):
         ("", "empty"),
         ("a,b\n1,2\n", "no column overlap, angle"),
         (",".join(COLUMNS) + "\n", "a header and no runs"),
-        (",".join(COLUMNS) + "\n1,2\n", "line 2: 2 values, the header has 17"),
+        (",".join(COLUMNS) + "\n1,2\n", "line 2: 2 values, the header has 18"),
     ],
 )
 def test_results_that_are_not_an_evaluation_s(tmp_path, content, message):

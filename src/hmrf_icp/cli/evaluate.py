@@ -15,7 +15,10 @@ from hmrf_icp.errors import HmrfIcpError, InputError
 
 if TYPE_CHECKING:
     from hmrf_icp.cli.evaluation_bar import EvaluationBar
-    from hmrf_icp.evaluate import Configuration
+    from hmrf_icp.evaluate import Configuration, Start
+
+QUICK_PAIRS = 12
+"""Of ``--quick``."""
 
 _PROTOCOL = "Protocol"
 _MACHINES = "Machines"
@@ -28,7 +31,8 @@ def evaluate(
             metavar="DATASET",
             show_default=False,
             help="A recording with poses: a folder (TUM RGB-D, 7-Scenes, Open3D, InfiniTAM, KITTI, "
-            "clouds with poses) or a name (synthetic, tum:freiburg1_desk).",
+            "clouds or fragments with poses), a benchmark (3DMatch, 3DLoMatch, Redwood fragments, "
+            "pairs) or a name (synthetic, tum:freiburg1_desk).",
         ),
     ] = "synthetic",
     output: Annotated[
@@ -83,17 +87,21 @@ def evaluate(
         typer.Option(
             metavar="ANGLES",
             rich_help_panel=_PROTOCOL,
-            show_default="pi/30",
+            show_default="pi/30; none for a benchmark",
             help="How far each start is turned off the true pose: pi/30, 2pi/15, 0.1, 6deg. One "
-            "with a translation of its own has the metres behind a +: pi/6+0.3.",
+            "with a translation of its own has the metres behind a +: pi/6+0.3. With none the "
+            "methods are given no start.",
         ),
     ] = None,
     axes: Annotated[
-        int,
+        int | None,
         typer.Option(
-            metavar="N", rich_help_panel=_PROTOCOL, help="Random axes that starts are turned about."
+            metavar="N",
+            rich_help_panel=_PROTOCOL,
+            show_default="16; 1 with --quick",
+            help="Random axes that starts are turned about.",
         ),
-    ] = 16,
+    ] = None,
     translation: Annotated[
         float,
         typer.Option(
@@ -108,6 +116,39 @@ def evaluate(
             help="Keep every K-th row and column of depth maps, every K-th point of clouds.",
         ),
     ] = 1,
+    points_alone: Annotated[
+        bool,
+        typer.Option(
+            "--points-alone",
+            rich_help_panel=_PROTOCOL,
+            help="Hand clouds over as (N, 3), without camera, viewpoint or grid.",
+        ),
+    ] = False,
+    benchmark: Annotated[
+        str | None,
+        typer.Option(
+            metavar="NAME",
+            rich_help_panel=_PROTOCOL,
+            show_default="all there are",
+            help="Of several lists of pairs the one: 3DMatch, 3DLoMatch.",
+        ),
+    ] = None,
+    pairs: Annotated[
+        int | None,
+        typer.Option(
+            metavar="N",
+            rich_help_panel=_PROTOCOL,
+            show_default=f"all; {QUICK_PAIRS} with --quick",
+            help="At most so many pairs, spread over scenes and overlap.",
+        ),
+    ] = None,
+    quick: Annotated[
+        bool,
+        typer.Option(
+            "--quick",
+            help="A first look: few pairs, spread over scenes and overlap, from one axis.",
+        ),
+    ] = False,
     seed: Annotated[
         int, typer.Option(metavar="N", rich_help_panel=_PROTOCOL, help="Of all that is drawn.")
     ] = 0,
@@ -143,7 +184,6 @@ def evaluate(
     from hmrf_icp.cli.evaluation_bar import EvaluationBar
     from hmrf_icp.evaluate import Configuration
     from hmrf_icp.evaluate import evaluate as run
-    from hmrf_icp.evaluate.angles import parse_start
 
     configuration = Configuration(
         dataset,
@@ -151,9 +191,12 @@ def evaluate(
         peers=_names(peers, everyone="all"),
         targets=_numbers(reference_frame),
         frames_per_decile=frames_per_decile,
-        starts=tuple(parse_start(word, translation) for word in _words(angles or ["pi/30"])),
-        axes=axes,
+        starts=_starts(angles, translation),
+        axes=(1 if quick else 16) if axes is None else axes,
         subsample=subsample,
+        points_alone=points_alone,
+        pairs=QUICK_PAIRS if quick and pairs is None else pairs,
+        benchmark=benchmark or "",
         minimum_overlap=minimum_overlap,
         seed=seed,
     )
@@ -171,6 +214,15 @@ def evaluate(
         )
     _print_standings(done.folder)
     _report(done.folder)
+
+
+def _starts(angles: list[str] | None, translation: float) -> tuple[Start, ...] | None:
+    """Read the starts; None where nothing is said of them, which leaves them to the data set."""
+    from hmrf_icp.evaluate.angles import parse_start
+
+    if angles is None and translation == 0:
+        return None
+    return tuple(parse_start(word, translation) for word in _words(angles or ["pi/30"]))
 
 
 def _words(values: list[str]) -> list[str]:
@@ -245,12 +297,12 @@ def _print_standings(folder: Path) -> None:
     found = standings.standings(folder / "results.csv")
     starts = list(dict.fromkeys(start for one in found for start in one.by_start))
     table = Table(
-        title=f"Share solved: within {standings.METRES:g} m and {standings.RADIANS:g} rad",
+        title=_solved_words(folder),
         title_justify="left",
     )
     table.add_column("method")
     for start in starts:
-        table.add_column(f"from {Named(start.angle, start.translation).label}", justify="right")
+        table.add_column(Named(start.angle, start.translation).begins, justify="right")
     for heading in ("median error of those", "median time", "no pose"):
         table.add_column(heading, justify="right")
     for one in found:
@@ -263,6 +315,18 @@ def _print_standings(folder: Path) -> None:
             str(one.failures or ""),
         )
     Console().print(table)
+
+
+def _solved_words(folder: Path) -> str:
+    """Say what counts as solved."""
+    import json
+
+    from hmrf_icp.evaluate import standings
+
+    own = json.loads((folder / "config.json").read_text(encoding="utf-8")).get("criterion")
+    if own:
+        return f"Share solved: {own}"
+    return f"Share solved: within {standings.METRES:g} m and {standings.RADIANS:g} rad"
 
 
 def _report(folder: Path) -> None:

@@ -6,6 +6,7 @@ from collections.abc import Callable, Mapping
 from dataclasses import dataclass, field
 from pathlib import Path
 
+from hmrf_icp.datasets.pair_set import PairSet
 from hmrf_icp.datasets.sequence import Progress, Sequence
 
 
@@ -29,7 +30,7 @@ class Format:
     name: str
     layout: str
     recognises: Callable[[Path], bool]
-    open: Callable[[Path], Sequence]
+    open: Callable[[Path], Sequence | PairSet]
 
 
 @dataclass(frozen=True)

@@ -7,8 +7,11 @@ from pathlib import Path
 
 from hmrf_icp.datasets import (
     clouds,
+    fragment_benchmark,
+    fragments,
     infinitam,
     kitti,
+    pair_folders,
     redwood,
     seven_scenes,
     synthetic,
@@ -17,6 +20,7 @@ from hmrf_icp.datasets import (
 )
 from hmrf_icp.datasets.folders import describe
 from hmrf_icp.datasets.formats import Collection, Format
+from hmrf_icp.datasets.pair_set import PairSet
 from hmrf_icp.datasets.sequence import Progress, Sequence
 from hmrf_icp.errors import InputError
 
@@ -27,6 +31,9 @@ _FORMATS: list[Format] = [
     kitti.FORMAT,
     infinitam.FORMAT,
     redwood.FORMAT,
+    fragment_benchmark.FORMAT,
+    pair_folders.FORMAT,
+    fragments.FORMAT,
     clouds.FORMAT,
 ]
 _COLLECTIONS: dict[str, Collection] = {
@@ -58,7 +65,28 @@ def register_collection(new: Collection) -> None:
 
 
 def open_sequence(source: str | os.PathLike[str], *, progress: Progress | None = None) -> Sequence:
-    """Open a recording.
+    """Open a recording: what `open_dataset` opens, but for lists of pairs.
+
+    Raises
+    ------
+    InputError
+        As `open_dataset`; a list of pairs.
+    MissingDependencyError
+        A download without pooch.
+    """
+    found = open_dataset(source, progress=progress)
+    if isinstance(found, PairSet):
+        raise InputError(
+            f"{source}: a list of pairs ({found.format}), expected a sequence of frames; open it "
+            "with hmrf_icp.datasets.open_dataset"
+        )
+    return found
+
+
+def open_dataset(
+    source: str | os.PathLike[str], *, progress: Progress | None = None
+) -> Sequence | PairSet:
+    """Open a recording, or a data set that lists its pairs.
 
     Parameters
     ----------
@@ -109,7 +137,7 @@ def _open_named(
     return collection.open(member, progress)
 
 
-def _open_folder(folder: Path) -> Sequence:
+def _open_folder(folder: Path) -> Sequence | PairSet:
     found = describe(folder)
     for known in _FORMATS:
         if known.recognises(folder):

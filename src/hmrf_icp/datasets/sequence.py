@@ -80,6 +80,8 @@ class Frame:
         What the sensor saw.
     timestamp
         Seconds, None where the recording has none.
+    scene
+        Tells frames of one number apart where a data set has several scenes.
 
     Raises
     ------
@@ -91,6 +93,7 @@ class Frame:
     pose: Array
     scan: Scan
     timestamp: float | None = None
+    scene: str = ""
 
     def __post_init__(self) -> None:
         """Check and freeze the pose."""

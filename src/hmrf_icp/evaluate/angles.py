@@ -6,7 +6,7 @@ import math
 import re
 
 from hmrf_icp.errors import InputError
-from hmrf_icp.evaluate.protocol import Start
+from hmrf_icp.evaluate.protocol import NO_START, NONE, Start
 
 _NUMBER = r"(?:\d+\.?\d*|\.\d+)(?:[eE][+-]?\d+)?"
 _OF_PI = re.compile(rf"(?P<times>{_NUMBER})?\s*\*?\s*(?:pi|π)\s*(?:/\s*(?P<by>{_NUMBER}))?")
@@ -32,18 +32,18 @@ def parse_angle(text: str) -> float:
     elif _RADIANS.fullmatch(word):
         return float(word)
     raise InputError(
-        f"angle: expected radians (0.1), a fraction of pi (pi/30, 2pi/15) or degrees (6deg), "
-        f"got {text!r}"
+        f"angle: expected radians (0.1), a fraction of pi (pi/30, 2pi/15), degrees (6deg) or "
+        f"{NONE} for no start at all, got {text!r}"
     )
 
 
 def parse_start(text: str, translation: float = 0.0) -> Start:
-    """Read an angle, with metres behind a ``+`` where it has a translation of its own.
+    """Read an angle, with metres behind a ``+`` where it has a translation of its own; or none.
 
     Parameters
     ----------
     text
-        ``pi/30`` or ``pi/6+0.3``.
+        ``pi/30``, ``pi/6+0.3``, or ``none``.
     translation
         Metres for one that does not say.
 
@@ -52,6 +52,8 @@ def parse_start(text: str, translation: float = 0.0) -> Start:
     InputError
         Not an angle, or not a number of metres.
     """
+    if text.strip() == NONE:
+        return NO_START
     angle, plus, metres = text.partition("+")
     if plus:
         if not _RADIANS.fullmatch(metres.strip()):

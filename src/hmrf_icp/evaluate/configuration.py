@@ -11,10 +11,8 @@ from importlib.metadata import PackageNotFoundError, version
 from pathlib import Path
 from typing import Any
 
-import numpy as np
-
 from hmrf_icp.errors import InputError
-from hmrf_icp.evaluate.protocol import Start
+from hmrf_icp.evaluate.protocol import NONE, Start
 from hmrf_icp.io.files import existing_file
 from hmrf_icp.io.whole import written_whole
 
@@ -42,23 +40,31 @@ class Configuration:
     Parameters
     ----------
     dataset
-        What :func:`hmrf_icp.datasets.open_sequence` takes: a folder or a name.
+        What :func:`hmrf_icp.datasets.open_dataset` takes: a folder or a name.
     methods
-        The package's own; None means the six of the paper and every other preset.
+        The package's own; None means the six of the paper and every other preset, or
+        the default alone where the data set lists its pairs.
     peers
         Families (``gicp``) or single settings (``gicp@0.1``); None means every
-        one, those that are not installed left out.
+        one, or those for listed pairs, those that are not installed left out.
+    benchmark
+        The list to take where the data set has several; empty means all.
     targets
         Indices of the target frames (the paper's reference frame); None means
         two, at a quarter and three quarters of the sequence.
     frames_per_decile
         Source frames from each tenth of overlap, at most.
     starts
-        How far from the true pose; the paper plots pi/30.
+        How far from the true pose. None means pi/30, which the paper plots, or
+        no start where the data set lists its pairs.
     axes
         Directions of each start.
     subsample
         Step of rows and columns (of points where there is no grid): 1 is all.
+    points_alone
+        Hand over (N, 3), without camera, viewpoint or grid.
+    pairs
+        At most so many, spread over scenes and overlap; None means all.
     minimum_overlap
         Pairs below are left out, as are those without any.
     seed
@@ -75,9 +81,12 @@ class Configuration:
     peers: tuple[str, ...] | None = None
     targets: tuple[int, ...] | None = None
     frames_per_decile: int = 5
-    starts: tuple[Start, ...] = (Start(np.pi / 30),)
+    starts: tuple[Start, ...] | None = None
     axes: int = 16
     subsample: int = 1
+    points_alone: bool = False
+    pairs: int | None = None
+    benchmark: str = ""
     minimum_overlap: float = 0.0
     seed: int = 0
 
@@ -86,17 +95,26 @@ class Configuration:
         for name in ("frames_per_decile", "axes", "subsample"):
             if getattr(self, name) < 1:
                 raise InputError(f"{name}: expected one or more, got {getattr(self, name)}")
+        if self.pairs is not None and self.pairs < 1:
+            raise InputError(f"pairs: expected one or more, got {self.pairs}")
         if self.seed < 0:
             raise InputError(f"seed: expected zero or more, got {self.seed}")
         if not 0 <= self.minimum_overlap < 1:
             raise InputError(f"minimum_overlap: expected [0, 1), got {self.minimum_overlap:g}")
+        if self.starts is None:
+            return
         if not self.starts:
             raise InputError("starts: expected one or more")
         if len(set(self.starts)) < len(self.starts):
             raise InputError("starts: one is given twice")
 
     def resolved(
-        self, dataset: str, methods: Sequence[str], peers: Sequence[str], targets: Sequence[int]
+        self,
+        dataset: str,
+        methods: Sequence[str],
+        peers: Sequence[str],
+        targets: Sequence[int],
+        starts: Sequence[Start],
     ) -> Configuration:
         """Fill in what was left to the package."""
         return replace(
@@ -105,6 +123,7 @@ class Configuration:
             methods=tuple(methods),
             peers=tuple(peers),
             targets=tuple(targets),
+            starts=tuple(starts),
         )
 
 
@@ -148,6 +167,9 @@ def _memory_gib() -> float | None:
 def _identity(configuration: Configuration) -> dict[str, Any]:
     """Return what results depend on; two evaluations that agree here may share a file."""
     flat: dict[str, Any] = json.loads(json.dumps(asdict(configuration)))
+    for start, cells in zip(configuration.starts or (), flat["starts"] or (), strict=True):
+        if not start.given:  # JSON has no infinity
+            cells["angle"] = NONE
     return {**flat, "versions": versions()}
 
 

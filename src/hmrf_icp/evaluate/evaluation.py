@@ -4,31 +4,36 @@ from __future__ import annotations
 
 import contextlib
 import csv
-import itertools
 import os
-from collections.abc import Callable, Collection, Iterator, Mapping, Sequence
+from collections.abc import Callable, Iterator, Mapping, Sequence
 from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
 
 from hmrf_icp import datasets
+from hmrf_icp.datasets import PairSet
 from hmrf_icp.errors import InputError
 from hmrf_icp.evaluate import configuration as config
-from hmrf_icp.evaluate import methods, peers, protocol, work
+from hmrf_icp.evaluate import forecast, methods, peers, protocol, work
 from hmrf_icp.evaluate.configuration import Configuration
 from hmrf_icp.evaluate.methods import NamedMethod
 from hmrf_icp.evaluate.plain import require_name
 from hmrf_icp.evaluate.plan import Plan
 from hmrf_icp.evaluate.progress import IN_BYTES, REGISTERING, Progress, silent
-from hmrf_icp.evaluate.protocol import Pair
+from hmrf_icp.evaluate.protocol import Pair, usual_starts
 from hmrf_icp.evaluate.results import Results, Row
-from hmrf_icp.evaluate.workers import ClusterWorkers, LocalWorkers, Lost, Workers, outcomes
+from hmrf_icp.evaluate.sources import PairSource, source_of
+from hmrf_icp.evaluate.workers import (
+    TASKS_A_CORE,
+    ClusterWorkers,
+    LocalWorkers,
+    Lost,
+    Workers,
+    outcomes,
+)
 from hmrf_icp.io.whole import written_whole
 
 RESULTS, PAIRS, CONFIG = "results.csv", "pairs.csv", "config.json"
-
-FRAMES_PER_TASK = 4
-"""Source frames whose overlap a worker measures in one go."""
 
 
 @dataclass(frozen=True)
@@ -97,62 +102,95 @@ def evaluate(
         joblib, or Dask for a scheduler, is not installed.
     """
     report = on_progress or silent
-    chosen = methods.choose(configuration.methods)
-    alternatives = peers.choose(configuration.peers)
+    tell = on_note or (lambda _: None)
+    # Names before the data, which may have to be fetched.
+    methods.choose(configuration.methods)
+    peers.choose(configuration.peers)
+    data = _opened(configuration.dataset, report)
+    chosen, alternatives = _compared(configuration, data)
     everyone = (*chosen, *extra_methods, *alternatives.methods)
     _require_different([method.name for method in everyone])
-    sequence = _opened(configuration.dataset, report)
-    targets = _targets(sequence, configuration.targets)
-    dataset = configuration.dataset if sequence.source is None else str(sequence.source)
+    source = source_of(data, configuration)
+    starts = configuration.starts or usual_starts(isinstance(data, PairSet))
+    dataset = configuration.dataset if data.source is None else str(data.source)
     complete = configuration.resolved(
         dataset,
         [method.name for method in (*chosen, *extra_methods)],
         [method.name for method in alternatives.methods],
-        targets,
+        source.targets,
+        starts,
     )
     folder = _folder(Path(output))
-    clouds = work.Clouds(f"{dataset} {os.urandom(8).hex()}", complete.subsample)
+    clouds = work.Clouds(
+        f"{dataset} {os.urandom(8).hex()}", complete.subsample, complete.points_alone
+    )
 
     team = LocalWorkers(workers) if scheduler is None else ClusterWorkers(scheduler)
     with _alone(folder), team:
         _claim(folder, complete, fresh)
         if not (folder / PAIRS).is_file():
-            found = _find_pairs(complete, sequence, clouds, team, report)
+            found = source.find(complete, clouds, team, report)
+            if complete.pairs is not None:
+                found = protocol.spread(found, complete.pairs, complete.seed)
             _write_pairs(folder / PAIRS, found)
         pairs = _read_pairs(folder / PAIRS)
-        _require_frames(folder / PAIRS, pairs, {frame.index for frame in sequence.frames})
-        notes = [*sequence.notes, *alternatives.skipped, *_gaps(pairs, targets)]
+        _require_known(folder / PAIRS, pairs, source)
+        notes = [*source.notes, *alternatives.skipped, *source.gaps(pairs)]
         for note in notes:
-            if on_note is not None:
-                on_note(note)
-        if not pairs:
-            raise InputError(
-                f"{configuration.dataset}: no frame overlaps target frame "
-                f"{' or '.join(map(str, targets))} by {complete.minimum_overlap:g} or more; "
-                "choose another with --reference-frame"
-            )
-        config.write(folder / CONFIG, complete, {"notes": notes, **(about or {})})
-        plan = Plan(pairs, complete.starts, complete.axes, tuple(m.name for m in everyone))
+            tell(note)
+        described: dict[str, Any] = {"notes": notes, **(about or {})}
+        if source.criterion:
+            described["criterion"] = source.criterion
+        config.write(folder / CONFIG, complete, described)
+        plan = Plan(pairs, starts, complete.axes, tuple(m.name for m in everyone))
         with Results(folder / RESULTS, plan) as results:
-            if on_note is not None and results.unreadable:
-                on_note(_taken_out(folder / RESULTS, results.unreadable))
-            _run(complete, sequence, clouds, plan, results, tuple(extra_methods), team, report)
+            if results.unreadable:
+                tell(_taken_out(folder / RESULTS, results.unreadable))
+            if results.count < len(plan):
+                tell(_forecast(plan, results.count, clouds, source, team))
+                _run(complete, source, clouds, plan, results, tuple(extra_methods), team, report)
             results.sort()
     return Evaluation(folder, len(plan), tuple(notes))
 
 
-def _opened(dataset: str, report: Progress) -> datasets.Sequence:
+def _opened(dataset: str, report: Progress) -> datasets.Sequence | PairSet:
     """Open the recording, which the first time may mean fetching it."""
 
     def fetching(doing: str, done: int, total: int | None) -> None:
         report(IN_BYTES.get(doing, doing), done, total)
 
-    return datasets.open_sequence(dataset, progress=fetching)
+    return datasets.open_dataset(dataset, progress=fetching)
+
+
+def _compared(
+    configuration: Configuration, data: datasets.Sequence | PairSet
+) -> tuple[tuple[NamedMethod, ...], peers.Choice]:
+    """Return the methods and the peers, the usual ones of this kind of data where nobody chose."""
+    listed = isinstance(data, PairSet)
+    metres = not isinstance(data, PairSet) or data.metres
+    names, others = configuration.methods, configuration.peers
+    if names is None:
+        names = methods.usual(listed, configuration.points_alone)
+    if others is None and listed:
+        others = peers.FOR_PAIRS_METRES if metres else peers.FOR_PAIRS
+    return methods.choose(names), peers.choose(others, metres)
+
+
+def _forecast(plan: Plan, done: int, clouds: work.Clouds, source: PairSource, team: Workers) -> str:
+    """Say how much is to do, and about how long it will take."""
+    points = len(clouds.prepare(source.posed(plan.pairs[0]).source).points)
+    workers = max(1, team.tasks_at_once() // TASKS_A_CORE)
+    length = forecast.words(forecast.seconds(plan, done, points, workers))
+    left = f"{len(plan) - done:,} of them to do, " if done else ""
+    return (
+        f"{len(plan):,} runs: {len(plan.pairs):,} pairs, {len(plan.methods)} methods; {left}"
+        f"roughly {length} with {workers} worker{'' if workers == 1 else 's'}"
+    )
 
 
 def _run(
     configuration: Configuration,
-    sequence: datasets.Sequence,
+    source: PairSource,
     clouds: work.Clouds,
     plan: Plan,
     results: Results,
@@ -161,75 +199,30 @@ def _run(
     report: Progress,
 ) -> None:
     """Do what is not done, and append it as it comes."""
-    frames = {frame.index: frame for frame in sequence.frames}
 
     def tasks() -> Iterator[work.RunTask]:
         for runs in plan.batches(results.done):
-            pair = runs[0].pair
+            posed = source.posed(runs[0].pair)
             names = {run.method for run in runs}
             yield work.RunTask(
                 clouds,
-                frames[pair.target],
-                frames[pair.source],
+                posed.target,
+                posed.source,
                 configuration.axes,
                 configuration.seed,
                 runs,
                 tuple(method for method in extra if method.name in names),
+                posed.criterion,
+                posed.unit,
             )
 
     report(REGISTERING, results.count, len(plan))
-    if results.count == len(plan):
-        return
     for task, rows in outcomes(workers, work.do_runs, tasks()):
         if isinstance(rows, Lost):
-            rows = [Row(run, 0.0, failure=rows.reason) for run in task.runs]
+            right = None if task.criterion is None else False
+            rows = [Row(run, 0.0, right=right, failure=rows.reason) for run in task.runs]
         results.append(rows)
         report(REGISTERING, results.count, len(plan))
-
-
-def _find_pairs(
-    configuration: Configuration,
-    sequence: datasets.Sequence,
-    clouds: work.Clouds,
-    workers: Workers,
-    report: Progress,
-) -> list[Pair]:
-    """Measure every frame's overlap with the targets, and draw from each decile."""
-    wanted = configuration.targets or ()
-    targets = tuple(sequence.frame(index) for index in wanted)
-    tasks = (
-        work.OverlapTask(clouds, targets, sequence.frames[first : first + FRAMES_PER_TASK])
-        for first in range(0, len(sequence), FRAMES_PER_TASK)
-    )
-    overlaps: dict[tuple[int, int], float] = {}
-    done = 0
-    report("Measuring overlaps", 0, len(sequence))
-    for task, found in outcomes(workers, work.measure_overlaps, tasks):
-        if isinstance(found, Lost):
-            frame = task.sources[0].index
-            raise InputError(f"{configuration.dataset}, frame {frame}: {found.reason}")
-        overlaps.update(found)
-        done += len(task.sources)
-        report("Measuring overlaps", done, len(sequence))
-    return [
-        pair
-        for index in wanted
-        for pair in protocol.select(
-            index,
-            {source: share for (target, source), share in overlaps.items() if target == index},
-            configuration.frames_per_decile,
-            configuration.seed,
-            configuration.minimum_overlap,
-        ).pairs
-    ]
-
-
-def _targets(sequence: datasets.Sequence, wanted: tuple[int, ...] | None) -> tuple[int, ...]:
-    if wanted is None:
-        return protocol.spread_targets(frame.index for frame in sequence.frames)
-    if len(set(wanted)) < len(wanted):
-        raise InputError("reference frames: one is given twice")
-    return tuple(sorted(sequence.frame(index).index for index in wanted))
 
 
 def _require_different(names: Sequence[str]) -> None:
@@ -293,8 +286,8 @@ def _claim(folder: Path, configuration: Configuration, fresh: bool) -> None:
 def _write_pairs(path: Path, pairs: Sequence[Pair]) -> None:
     with written_whole(path) as partial, partial.open("w", encoding="utf-8", newline="") as stream:
         rows = csv.writer(stream, lineterminator="\n")
-        rows.writerow(("pair", "target", "source", "overlap"))
-        rows.writerows((p.name, p.target, p.source, f"{p.overlap:.9g}") for p in pairs)
+        rows.writerow(("pair", "target", "source", "overlap", "scene"))
+        rows.writerows((p.name, p.target, p.source, f"{p.overlap:.9g}", p.scene) for p in pairs)
 
 
 def _read_pairs(path: Path) -> tuple[Pair, ...]:
@@ -303,7 +296,9 @@ def _read_pairs(path: Path) -> tuple[Pair, ...]:
     try:
         with path.open(encoding="utf-8", newline="") as stream:
             for row in csv.DictReader(stream, strict=True):
-                pair = Pair(int(row["target"]), int(row["source"]), float(row["overlap"]))
+                pair = Pair(
+                    int(row["target"]), int(row["source"]), float(row["overlap"]), row["scene"]
+                )
                 if not 0.0 < pair.overlap <= 1.0:
                     raise ValueError(f"an overlap of {row['overlap']}, expected above 0, up to 1")
                 pairs.append(pair)
@@ -316,14 +311,16 @@ def _read_pairs(path: Path) -> tuple[Pair, ...]:
     return tuple(pairs)
 
 
-def _require_frames(path: Path, pairs: Sequence[Pair], frames: Collection[int]) -> None:
-    """Refuse pairs of frames that the recording has not got."""
+def _require_known(path: Path, pairs: Sequence[Pair], source: PairSource) -> None:
+    """Refuse pairs that the data set has not got."""
     for pair in pairs:
-        if pair.target not in frames or pair.source not in frames:
+        try:
+            source.posed(pair)
+        except InputError:
             raise InputError(
                 f"{path}: the pair {pair.name} is not one of the recording's frames; begin anew "
                 "with --fresh"
-            )
+            ) from None
 
 
 def _taken_out(path: Path, lines: Sequence[tuple[int, str]]) -> str:
@@ -334,19 +331,3 @@ def _taken_out(path: Path, lines: Sequence[tuple[int, str]]) -> str:
         f"{path}, line {place}: cannot be read: {text!r}{more}; taken out, and what is missing "
         "is done again"
     )
-
-
-def _gaps(pairs: Sequence[Pair], targets: Sequence[int]) -> Iterator[str]:
-    """Say which deciles of overlap have no pair."""
-    for target in targets:
-        covered = {protocol.decile(pair.overlap) for pair in pairs if pair.target == target}
-        missing = [tenth for tenth in range(protocol.DECILES) if tenth not in covered]
-        if missing:
-            yield f"target frame {target}: no pair with an overlap of {_ranges(missing)}"
-
-
-def _ranges(tenths: Sequence[int]) -> str:
-    """Write runs of neighbouring deciles as one: [0, 1, 5] is '0 to 0.2 or 0.5 to 0.6'."""
-    groups = itertools.groupby(enumerate(tenths), key=lambda item: item[1] - item[0])
-    spans = [[tenth for _, tenth in group] for _, group in groups]
-    return " or ".join(f"{span[0] / 10:g} to {(span[-1] + 1) / 10:g}" for span in spans)

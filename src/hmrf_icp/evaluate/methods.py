@@ -51,11 +51,12 @@ class NamedMethod:
         As in results; a peer that was given a threshold has it in metres behind
         an ``@``: ``gicp@0.1``.
     register
-        ``register(source, target, init)`` with ``init`` (4, 4), source to target.
+        ``register(source, target, init)`` with ``init`` (4, 4), source to target; None where the
+        evaluation has it begin without a start, and then the frames say nothing.
     """
 
     name: str
-    register: Callable[[Prepared, Prepared, NDArray[np.float64]], Estimate]
+    register: Callable[[Prepared, Prepared, NDArray[np.float64] | None], Estimate]
 
     @property
     def family(self) -> str:
@@ -64,7 +65,7 @@ class NamedMethod:
 
 
 def _own(name: str, preset: str, rejector: str | None) -> NamedMethod:
-    def register(source: Prepared, target: Prepared, init: NDArray[np.float64]) -> Estimate:
+    def register(source: Prepared, target: Prepared, init: NDArray[np.float64] | None) -> Estimate:
         import hmrf_icp
         from hmrf_icp import presets
 
@@ -97,6 +98,27 @@ def own_methods() -> dict[str, NamedMethod]:
         if preset != "paper":
             methods[preset] = _own(preset, preset, None)
     return methods
+
+
+NEED_A_GRID = ("hmrf",)
+"""Methods that are not for (N, 3): the paper's neighbours are pixels."""
+
+
+def usual(listed: bool, points_alone: bool) -> tuple[str, ...]:
+    """Return the methods that are compared where nobody chose.
+
+    Parameters
+    ----------
+    listed
+        Whether the data set lists its pairs, which are no image sequences: then the default alone.
+    points_alone
+        Whether the clouds are handed over without their grid.
+    """
+    from hmrf_icp import presets
+
+    if listed:
+        return (presets.DEFAULT,)
+    return tuple(n for n in own_methods() if not (points_alone and n in NEED_A_GRID))
 
 
 def choose(names: Iterable[str] | None) -> tuple[NamedMethod, ...]:

@@ -33,6 +33,8 @@ class Run:
 class Plan:
     """All combinations of pairs, starts, axes and methods.
 
+    Without a start there is nothing to turn, and one axis: the first.
+
     A run is known by its number, so that what is done takes a byte a run to
     remember, and rows in the order of their numbers are sorted.
     """
@@ -47,28 +49,34 @@ class Plan:
 
     @property
     def _per_pair(self) -> int:
-        return len(self.starts) * self.axes * len(self.methods)
+        return len(self._begun) * len(self.methods)
+
+    @cached_property
+    def _begun(self) -> tuple[tuple[Start, int], ...]:
+        """Starts with their axes, in order."""
+        return tuple(
+            (start, axis)
+            for start in self.starts
+            for axis in range(self.axes if start.given else 1)
+        )
 
     def run(self, number: int) -> Run:
         """Return the run of this number."""
         rest, method = divmod(number, len(self.methods))
-        rest, axis = divmod(rest, self.axes)
-        pair, start = divmod(rest, len(self.starts))
-        return Run(number, self.pairs[pair], self.starts[start], axis, self.methods[method])
+        pair, begun = divmod(rest, len(self._begun))
+        return Run(number, self.pairs[pair], *self._begun[begun], self.methods[method])
 
     def number(self, pair: str, start: Start, axis: int, method: str) -> int:
         """Return the number of a run; KeyError where there is none like it."""
-        if not 0 <= axis < self.axes:
-            raise KeyError(axis)
         places = self._places
-        rest = places.pairs[pair] * len(self.starts) + places.starts[start]
-        return (rest * self.axes + axis) * len(self.methods) + places.methods[method]
+        rest = places.pairs[pair] * len(self._begun) + places.begun[start, axis]
+        return rest * len(self.methods) + places.methods[method]
 
     @cached_property
     def _places(self) -> _Places:
         return _Places(
             {pair.name: place for place, pair in enumerate(self.pairs)},
-            {start: place for place, start in enumerate(self.starts)},
+            {begun: place for place, begun in enumerate(self._begun)},
             {method: place for place, method in enumerate(self.methods)},
         )
 
@@ -96,5 +104,5 @@ class Plan:
 @dataclass(frozen=True)
 class _Places:
     pairs: dict[str, int]
-    starts: dict[Start, int]
+    begun: dict[tuple[Start, int], int]
     methods: dict[str, int]

@@ -7,7 +7,8 @@ it is done once about each of a fixed set of random *axes*, the same for all pai
 
 from __future__ import annotations
 
-from collections.abc import Iterable, Mapping
+import itertools
+from collections.abc import Iterable, Mapping, Sequence
 from dataclasses import dataclass
 
 import numpy as np
@@ -28,15 +29,24 @@ DECILES = 10
 
 @dataclass(frozen=True, order=True)
 class Pair:
-    """Two frames of one sequence, by their indices, and the share of the source that overlaps."""
+    """Two frames of one sequence, by their indices, and the share of the source that overlaps.
+
+    Parameters
+    ----------
+    scene
+        Benchmark and scene (``3DMatch/kitchen``) where the data set has several.
+    """
 
     target: int
     source: int
     overlap: float
+    scene: str = ""
 
     @property
     def name(self) -> str:
         """What results call it: target, then source."""
+        if self.scene:
+            return f"{self.scene}-{self.target}-{self.source}"
         return f"{self.target:06d}-{self.source:06d}"
 
 
@@ -47,7 +57,8 @@ class Start:
     Parameters
     ----------
     angle
-        Rotation about an axis through the source's centroid, radians.
+        Rotation about an axis through the source's centroid, radians. Infinite where no start is
+        given, each cloud being in its own frame (`NO_START`).
     translation
         Length of a shift in a random direction, metres; the paper has none.
 
@@ -60,12 +71,40 @@ class Start:
     angle: float
     translation: float = 0.0
 
+    @property
+    def given(self) -> bool:
+        """Whether there is one."""
+        return self.angle != np.inf
+
+    @property
+    def cells(self) -> tuple[str, str]:
+        """Angle and translation as results write them."""
+        return (repr(self.angle) if self.given else NONE), repr(self.translation)
+
+    @classmethod
+    def of_cells(cls, angle: str, translation: str) -> Start:
+        """Read what `cells` wrote; ValueError or InputError for anything else."""
+        return NO_START if angle == NONE else cls(float(angle), float(translation))
+
     def __post_init__(self) -> None:
         """Refuse what is no distance."""
+        if not self.given and self.translation == 0:
+            return
         for name in ("angle", "translation"):
             value = getattr(self, name)
             if not (np.isfinite(value) and value >= 0):
                 raise InputError(f"start: {name} must be zero or positive, got {value:g}")
+
+
+NONE = "none"
+"""What people and results call a start that is not given."""
+
+NO_START = Start(np.inf)
+
+
+def usual_starts(listed: bool) -> tuple[Start, ...]:
+    """Return the starts where nobody chose: the paper's, or none for lists of pairs."""
+    return (NO_START,) if listed else (Start(np.pi / 30),)
 
 
 @dataclass(frozen=True, eq=False)
@@ -204,6 +243,42 @@ def select(
             kept.append(Pair(target, source, share))
     pairs = sorted(pair for kept in chosen.values() for pair in kept)
     return Selection(tuple(pairs), tuple(tenth for tenth, kept in chosen.items() if not kept))
+
+
+def spread(pairs: Sequence[Pair], count: int, seed: int) -> tuple[Pair, ...]:
+    """Choose pairs evenly over scenes and, within each, over overlap.
+
+    Scene by scene in turn, along a sequence of places of which every beginning is
+    spread (van der Corput's): the pairs of a small ``count`` are among those of a larger one.
+
+    Parameters
+    ----------
+    count
+        How many.
+    seed
+        Where each scene's sequence begins.
+
+    Returns
+    -------
+    The pairs in the order in which they were given.
+    """
+    scenes: dict[str, list[Pair]] = {}
+    for pair in sorted(pairs, key=lambda pair: (pair.scene, pair.overlap, pair)):
+        scenes.setdefault(pair.scene, []).append(pair)
+    queues = []
+    for number, members in enumerate(scenes.values()):
+        first = int(np.random.default_rng((seed, number)).integers(len(members)))
+        queues.append([members[(first + k) % len(members)] for k in _spread_places(len(members))])
+    turns = itertools.chain.from_iterable(itertools.zip_longest(*queues))
+    chosen = set(itertools.islice((pair for pair in turns if pair is not None), count))
+    return tuple(pair for pair in pairs if pair in chosen)
+
+
+def _spread_places(count: int) -> list[int]:
+    """0 to ``count`` - 1 in van der Corput's order: nothing, a half, a quarter, three quarters."""
+    digits = max(count - 1, 1).bit_length()
+    shares = (int(f"{k:0{digits}b}"[::-1], 2) / 2**digits for k in range(2**digits))
+    return list(dict.fromkeys(int(share * count) for share in shares))
 
 
 def spread_targets(frames: Iterable[int], count: int = 2) -> tuple[int, ...]:

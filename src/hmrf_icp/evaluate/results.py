@@ -33,6 +33,7 @@ COLUMNS = (
     "method",
     "error_m",
     "error_rad",
+    "right",
     "iterations",
     "em_iterations",
     "seconds",
@@ -66,6 +67,8 @@ class Row:
         Which.
     error_m, error_rad
         Of the pose, metres and radians; None for a run that gave no pose.
+    right
+        What the pair's own criterion says; None where the data set has none.
     seconds
         Preparation of the clouds included, compilation and imports not.
     failure
@@ -76,6 +79,7 @@ class Row:
     seconds: float
     error_m: float | None = None
     error_rad: float | None = None
+    right: bool | None = None
     iterations: int | None = None
     em_iterations: int | None = None
     converged: bool | None = None
@@ -91,12 +95,12 @@ class Row:
             str(run.pair.target),
             str(run.pair.source),
             _short(run.pair.overlap),
-            repr(run.start.angle),
-            repr(run.start.translation),
+            *run.start.cells,
             str(run.axis),
             run.method,
             _short(self.error_m),
             _short(self.error_rad),
+            "" if self.right is None else str(self.right),
             "" if self.iterations is None else str(self.iterations),
             "" if self.em_iterations is None else str(self.em_iterations),
             f"{self.seconds:.6f}",
@@ -209,7 +213,7 @@ class Results:
         try:
             (cells,) = csv.reader([line.decode()], strict=True)
             row = dict(zip(COLUMNS, cells, strict=True))
-            start, axis = Start(float(row["angle"]), float(row["translation"])), int(row["axis"])
+            start, axis = Start.of_cells(row["angle"], row["translation"]), int(row["axis"])
             for name in NUMBERS:
                 float(row[name] or "nan")
         except (ValueError, csv.Error):

@@ -12,9 +12,9 @@ from hmrf_icp.evaluate.protocol import Start
 from hmrf_icp.evaluate.results import read_rows
 
 METRES, RADIANS = 0.05, 0.05
-"""A run is solved when it ends within these of the true pose."""
+"""A run is solved when it ends within these of the true pose, if its pair has no criterion."""
 
-_COLUMNS = ("method", "angle", "translation", "error_m", "error_rad", "seconds")
+_COLUMNS = ("method", "angle", "translation", "error_m", "error_rad", "right", "seconds")
 
 
 @dataclass
@@ -66,14 +66,20 @@ class Standing:
 def standings(results: Path) -> list[Standing]:
     """Read ``results.csv``; methods in the order in which they come."""
     found: dict[str, Standing] = {}
-    for method, angle, translation, error_m, error_rad, seconds in read_rows(results, _COLUMNS):
+    for method, angle, translation, error_m, error_rad, right, seconds in read_rows(
+        results, _COLUMNS
+    ):
         standing = found.setdefault(method, Standing(method))
-        tally = standing.by_start.setdefault(Start(float(angle), float(translation)), Tally())
+        tally = standing.by_start.setdefault(Start.of_cells(angle, translation), Tally())
         tally.runs += 1
         standing.seconds.append(float(seconds))
         if not error_m:
             standing.failures += 1
-        elif float(error_m) <= METRES and float(error_rad) <= RADIANS:
+        elif right == "True" if right else _within(error_m, error_rad):
             tally.solved += 1
             standing.error_m.append(float(error_m))
     return list(found.values())
+
+
+def _within(error_m: str, error_rad: str) -> bool:
+    return float(error_m) <= METRES and float(error_rad) <= RADIANS

@@ -13,13 +13,14 @@ import time
 import warnings
 from collections import OrderedDict
 from collections.abc import Callable, Iterator
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
+from typing import TypeAlias
 
 import numpy as np
 
 from hmrf_icp import se3
-from hmrf_icp.clouds.cloud import MINIMUM_POINTS
-from hmrf_icp.datasets import Frame
+from hmrf_icp.clouds.cloud import MINIMUM_POINTS, PointCloud
+from hmrf_icp.datasets import Criterion, Frame
 from hmrf_icp.errors import RegistrationWarning
 from hmrf_icp.evaluate import methods, peers, protocol
 from hmrf_icp.evaluate.methods import NamedMethod
@@ -61,30 +62,42 @@ class Clouds:
         Tells evaluations apart in a worker that outlives them.
     subsample
         Step of rows and columns, or of points.
+    points_alone
+        Whether camera, viewpoint and grid are left out.
     """
 
     evaluation: str
     subsample: int
+    points_alone: bool = False
 
     def prepared(self, frame: Frame, keep: int = CLOUDS_KEPT) -> Prepared:
         """Return the frame's cloud, read the first time and kept for a while."""
-        key = (self.evaluation, self.subsample, frame.index)
-        return _recent.get(
-            key, lambda: Prepared(frame.load().subsample(self.subsample), frame.index), keep
-        )
+        key = (self.evaluation, self.subsample, frame.scene, frame.index)
+        return _recent.get(key, lambda: self.prepare(frame), keep)
+
+    def prepare(self, frame: Frame) -> Prepared:
+        """Read the frame's cloud as it is to be registered."""
+        cloud = frame.load().subsample(self.subsample)
+        if self.points_alone:
+            cloud = PointCloud(cloud.observed_points)
+        return Prepared(cloud, (frame.scene, frame.index))
+
+
+CloudKey: TypeAlias = tuple[str, int, str, int]
+"""Evaluation, subsample, scene and index."""
 
 
 class Recent:
     """The clouds used last, at most so many: a worker's memory does not grow with its runs."""
 
     def __init__(self) -> None:
-        self._clouds: OrderedDict[tuple[str, int, int], Prepared] = OrderedDict()
+        self._clouds: OrderedDict[CloudKey, Prepared] = OrderedDict()
         self._lock = threading.Lock()
 
     def __len__(self) -> int:
         return len(self._clouds)
 
-    def get(self, key: tuple[str, int, int], make: Callable[[], Prepared], keep: int) -> Prepared:
+    def get(self, key: CloudKey, make: Callable[[], Prepared], keep: int) -> Prepared:
         """Return the cloud under a key, made if it is not there, and drop the oldest beyond."""
         with self._lock:
             if key not in self._clouds:
@@ -158,6 +171,10 @@ class RunTask:
         What to do.
     extra
         Methods that are neither the package's own nor one of the peers.
+    criterion
+        The pair's own, None where it has none.
+    unit
+        What a metre of a shift is in the clouds' unit.
     """
 
     clouds: Clouds
@@ -167,13 +184,12 @@ class RunTask:
     seed: int
     runs: tuple[Run, ...]
     extra: tuple[NamedMethod, ...] = ()
+    criterion: Criterion | None = None
+    unit: float = 1.0
 
     def split(self) -> tuple[RunTask, ...]:
         """Return tasks of one run each."""
-        return tuple(
-            RunTask(self.clouds, self.target, self.source, self.axes, self.seed, (run,), self.extra)
-            for run in self.runs
-        )
+        return tuple(replace(self, runs=(run,)) for run in self.runs)
 
 
 def do_runs(task: RunTask) -> list[Row]:
@@ -183,7 +199,7 @@ def do_runs(task: RunTask) -> list[Row]:
     truth = protocol.true_transformation(task.source.pose, task.target.pose)
     axes = Axes.random(task.axes, task.seed)
     known = _catalogue() | {method.name: method for method in task.extra}
-    return [_row(run, known[run.method], source, target, truth, axes) for run in task.runs]
+    return [_row(task, run, known[run.method], source, target, truth, axes) for run in task.runs]
 
 
 def _catalogue() -> dict[str, NamedMethod]:
@@ -191,6 +207,7 @@ def _catalogue() -> dict[str, NamedMethod]:
 
 
 def _row(
+    task: RunTask,
     run: Run,
     method: NamedMethod,
     source: Prepared,
@@ -200,7 +217,10 @@ def _row(
 ) -> Row:
     begun = time.perf_counter()
     try:
-        init = protocol.perturbed(truth, source.centroid, axes, run.axis, run.start)
+        init = None
+        if run.start.given:
+            start = replace(run.start, translation=run.start.translation * task.unit)
+            init = protocol.perturbed(truth, source.centroid, axes, run.axis, start)
         _warm(method, source, target, init)
         begun = time.perf_counter()
         with warnings.catch_warnings():
@@ -209,13 +229,19 @@ def _row(
         pose = se3.as_rigid(outcome.transformation, "its pose")
     except Exception as error:
         failure = f"{type(error).__name__}: {error}"[:MAX_FAILURE_LENGTH]
-        return Row(run, seconds=time.perf_counter() - begun, failure=failure)
+        right = None if task.criterion is None else False
+        seconds = time.perf_counter() - begun
+        return Row(run, seconds=seconds, right=right, failure=failure)
     error_m, error_rad = se3.error(pose, truth)
+    right = None
+    if task.criterion is not None:
+        right = task.criterion.right(pose, truth, source.centroid)
     return Row(
         run,
         seconds,
         error_m,
         error_rad,
+        right,
         outcome.iterations,
         outcome.em_iterations,
         outcome.converged,
@@ -239,7 +265,9 @@ _warm_families: set[str] = set()
 _warming = threading.Lock()
 
 
-def _warm(method: NamedMethod, source: Prepared, target: Prepared, init: protocol.Array) -> None:
+def _warm(
+    method: NamedMethod, source: Prepared, target: Prepared, init: protocol.Array | None
+) -> None:
     """Let a method import, compile and start up on small clouds before its time is taken.
 
     Libraries that look for the number of cores (TBB, in Open3D and
@@ -252,7 +280,7 @@ def _warm(method: NamedMethod, source: Prepared, target: Prepared, init: protoco
         few, fewer = (
             Prepared(p.cloud.subsample(_step(p)), ("small", p.name)) for p in (source, target)
         )
-        with _one_core(), warnings.catch_warnings(), contextlib.suppress(Exception):
+        with one_core(), warnings.catch_warnings(), contextlib.suppress(Exception):
             warnings.simplefilter("ignore")
             method.register(few, fewer, init)
 
@@ -263,7 +291,7 @@ def _step(cloud: Prepared) -> int:
 
 
 @contextlib.contextmanager
-def _one_core() -> Iterator[None]:
+def one_core() -> Iterator[None]:
     """Let this process see one core for a moment."""
     if not hasattr(os, "sched_setaffinity"):  # macOS and Windows have no such thing
         yield

@@ -91,7 +91,7 @@ def comparable_starts(study: Study, paper: PaperRows) -> Iterator[tuple[Reported
     smallest turn.
     """
     if paper.angle is None:
-        turned = [start for start in study.starts if start.translation == 0]
+        turned = [start for start in study.starts if start.given and start.translation == 0]
         start = paper_start(study) or (turned[0] if turned else None)
         if start is not None:
             yield start, start.angle

@@ -18,6 +18,10 @@ LOW_OVERLAP = 0.2
 """Below this the usual score, the share of points with a neighbour, tells little."""
 
 
+SURE = 0.5
+"""A run that is told this or more counts as told."""
+
+
 @dataclass(frozen=True, eq=False)
 class Score:
     """What one method, or several, said of some runs, and how those ended.

@@ -8,6 +8,7 @@ from typing import Any
 
 from hmrf_icp.evaluate.plain import plain
 from hmrf_icp.evaluate.progress import Progress, silent
+from hmrf_icp.evaluate.report.benchmark import benchmark_tables
 from hmrf_icp.evaluate.report.cast import Band, main_cast, settings_cast
 from hmrf_icp.evaluate.report.comparison import (
     comparable_starts,
@@ -68,6 +69,7 @@ def sections(
     """
     cast = main_cast(study)
     makers: tuple[Callable[[], Section | None], ...] = (
+        lambda: _benchmark(study, cast),
         lambda: _recall(study, cast),
         lambda: _accuracy(study, cast),
         lambda: _confidence(study, cast),
@@ -81,6 +83,18 @@ def sections(
         report("Computing figures and tables", done, len(makers))
         made.append(make())
     return [section for section in made if section is not None]
+
+
+def _benchmark(study: Study, cast: Sequence[Band]) -> Section | None:
+    tables = benchmark_tables(study, cast)
+    if not tables:
+        return None
+    return Section(
+        "benchmark-section",
+        "By the benchmark's own rules",
+        paragraphs=[f"A pair is right when {study.criterion}; recall is the mean over scenes."],
+        items=tables,
+    )
 
 
 def _recall(study: Study, cast: Sequence[Band]) -> Section:
@@ -143,7 +157,9 @@ def _settings(study: Study) -> Section | None:
     )
 
 
-def _paper(study: Study, papers: Sequence[PaperRows]) -> Section:
+def _paper(study: Study, papers: Sequence[PaperRows]) -> Section | None:
+    if study.scenes and not papers and not study.roster.of_kind("paper"):
+        return None
     items: list[Drawing | Table] = [paper_panels(study, start) for start in study.starts]
     items += _some(maxima_table(study))
     paragraphs = [

@@ -75,5 +75,5 @@ def hindsights(roster: Roster) -> tuple[Hindsight, ...]:
     others = sorted({family_label(peer.family) for peer in roster.peers if not peer.needs_start})
     return (
         Hindsight("the peers that use the start", local),
-        Hindsight(f"all peers, with {', '.join(others)}", roster.peers),
+        Hindsight(f"all peers, with {'; '.join(others)}", roster.peers),
     )

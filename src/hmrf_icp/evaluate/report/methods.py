@@ -13,8 +13,8 @@ from hmrf_icp.evaluate.report.runs import Runs, Success
 
 Kind = Literal["paper", "preset", "peer"]
 
-THRESHOLD = re.compile(r"^(?P<family>.+)@(?P<threshold>\d+(?:\.\d+)?)$")
-"""A peer at a distance threshold: ``gicp@0.05``."""
+THRESHOLD = re.compile(r"^(?P<family>.+)@(?P<threshold>\d+(?:\.\d+)?)(?P<percent>%?)$")
+"""A peer at a distance threshold: ``gicp@0.05``, or a share of the clouds' size: ``gicp@8%``."""
 
 LABELS = {
     "all": "All",
@@ -32,6 +32,8 @@ LABELS = {
     "fricp": "Fast and Robust ICP",
     "fricp-plane": "Fast and Robust ICP, point-to-plane",
     "kiss-gicp": "KISS-Matcher, then GICP",
+    "fpfh": "FPFH and RANSAC",
+    "fpfh-gicp": "FPFH and RANSAC, then GICP",
 }
 """The paper's legend, and the peers in words; other names are shown as they are."""
 
@@ -50,20 +52,24 @@ class ReportedMethod:
         A peer's name without its threshold; the name itself otherwise.
     threshold
         A peer's distance threshold, metres; None where it takes none.
+    percent
+        Whether that is in percent of the clouds' size instead.
     """
 
     name: str
     kind: Kind
     family: str
     threshold: float | None = None
+    percent: bool = False
 
     @property
     def label(self) -> str:
         """For people."""
         label = family_label(self.family)
-        return (
-            label if self.threshold is None else f"{label}, {self.threshold:g}\N{NO-BREAK SPACE}m"
-        )
+        if self.threshold is None:
+            return label
+        unit = "% of size" if self.percent else "m"
+        return f"{label}, {self.threshold:g}\N{NO-BREAK SPACE}{unit}"
 
     @property
     def needs_start(self) -> bool:
@@ -143,7 +149,8 @@ def describe(name: str, own: Iterable[str]) -> ReportedMethod:
     match = THRESHOLD.match(name)
     if match is None:
         return ReportedMethod(name, "peer", name)
-    return ReportedMethod(name, "peer", match["family"], float(match["threshold"]))
+    percent = bool(match["percent"])
+    return ReportedMethod(name, "peer", match["family"], float(match["threshold"]), percent)
 
 
 def best(runs: Runs, methods: Sequence[ReportedMethod], success: Success) -> ReportedMethod:

@@ -59,7 +59,7 @@ def paper_panels(study: Study, start: ReportedStart) -> Drawing:
         return Drawing.of(
             figure,
             f"paper-panels-{start.slug}",
-            f"The paper's four panels, started {start.label} from the true pose: one mark a run, "
+            f"The paper's four panels, {start.begun}: one mark a run, "
             "with the paper's jitter in overlap (and in iterations) and its colours.",
             "Four scatter plots against overlap: translation error in metres, rotation error in "
             "radians, ICP iterations and elapsed time in seconds, of "

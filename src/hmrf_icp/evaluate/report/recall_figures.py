@@ -35,10 +35,10 @@ def recall_by_overlap(study: Study) -> Drawing:
         for row, start in zip(grid, study.starts, strict=True):
             if study.roster.own:
                 _by_overlap(row[0], study, start, list(study.roster.own))
-                row[0].set_title(f"This package, started {start.label} off")
+                row[0].set_title(f"This package, {start.short}")
             if study.roster.peers:
                 _peers_by_overlap(row[-1], study, start)
-                row[-1].set_title(f"Peers, started {start.label} off")
+                row[-1].set_title(f"Peers, {start.short}")
             for axes in row:
                 # The own methods are the same in every row; a peer's best threshold is not.
                 if axes is row[-1] or start == study.starts[0]:
@@ -46,7 +46,7 @@ def recall_by_overlap(study: Study) -> Drawing:
         return Drawing.of(
             figure,
             "recall-by-overlap",
-            f"Recall (within {study.success}) by decile of overlap, with 95 % intervals after "
+            "Recall by decile of overlap, with 95 % intervals after "
             "Wilson; points are moved sideways a little so that the intervals can be told apart."
             + (
                 " Of each peer the threshold that solves most from that start is shown; the dotted "
@@ -73,9 +73,8 @@ def recall_by_start(study: Study) -> Drawing:
             shares = [recall(study, method, Slice(start)) for start in study.starts]
             moved = places + _aside(number, len(chosen), 0.24)
             _line(axes, moved, shares, style[method.name], method.label)
-        for hindsight in study.hindsights[:1]:
-            oracle = hindsight.oracle(study.runs, study.success)
-            shares = [oracle.share(oracle.problems.begun_at(start)) for start in study.starts]
+        if study.hindsights:
+            shares = [_oracle_from(study, start) for start in study.starts]
             _line(axes, places, shares, ORACLE_LOOK, "oracle of the peers", interval=False)
         axes.set_xticks(places, [start.label for start in study.starts])
         axes.set_xlim(-0.5, len(study.starts) - 0.5)
@@ -117,7 +116,7 @@ def time_against_recall(study: Study) -> Drawing:
             axes.xaxis.set_minor_locator(NullLocator())
             axes.xaxis.set_major_formatter(lambda x, _: f"{x:g}")
             axes.set_xlabel("Median time a run (seconds)")
-            axes.set_title(f"Started {start.label} off")
+            axes.set_title(start.short.capitalize())
             recall_axis(axes)
         used = panels[: len(study.starts)]
         low, high = zip(*(axes.get_xlim() for axes in used), strict=True)
@@ -159,9 +158,17 @@ def _peers_by_overlap(axes: Axes, study: Study, start: ReportedStart) -> None:
     if study.roster.own:
         chosen.append(study.headline)
     _by_overlap(axes, study, start, chosen)
-    for hindsight in study.hindsights[:1]:
+    hindsight = study.hindsight(start)
+    if hindsight is not None:
         shares = _oracle_by_decile(study, hindsight, start)
         _line(axes, _middles(), shares, ORACLE_LOOK, "oracle", interval=False)
+
+
+def _oracle_from(study: Study, start: ReportedStart) -> Share:
+    hindsight = study.hindsight(start)
+    assert hindsight is not None
+    oracle = hindsight.oracle(study.runs, study.success)
+    return oracle.share(oracle.problems.begun_at(start))
 
 
 def _oracle_by_decile(study: Study, hindsight: Hindsight, start: ReportedStart) -> list[Share]:
@@ -238,7 +245,7 @@ def _low_and_high(study: Study, method: ReportedMethod) -> str:
         below = Share.of(study.solved[low & (study.runs["overlap"] < 0.2)])
         above = Share.of(study.solved[low & (study.runs["overlap"] >= 0.2)])
         words.append(
-            f"{method.label} from {start.label}: {_words(below)} below 0.2 of overlap, "
+            f"{method.label}, {start.short}: {_words(below)} below 0.2 of overlap, "
             f"{_words(above)} from there up."
         )
     return " ".join(words)

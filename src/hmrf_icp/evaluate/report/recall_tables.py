@@ -50,7 +50,7 @@ def recall_table(study: Study, bands: Sequence[Band], name: str = "recall") -> T
         columns.append(MIXED)
     return Table(
         name=name,
-        caption=f"Recall by start: share of runs that end within {study.success} of the true pose",
+        caption=f"Recall by start; a run counts when {study.criterion}",
         corner="Method",
         columns=columns,
         groups=_groups(study, bands, parts, detailed=True),
@@ -71,7 +71,7 @@ def recall_by_decile_table(
     parts = [Slice(start, d) for d in deciles] + [Slice(start)]
     return Table(
         name=f"{name}-{start.slug}",
-        caption=f"Recall by overlap, started {start.label} from the true pose",
+        caption=f"Recall by overlap, {start.begun}",
         corner="Method",
         columns=[*columns, "all"],
         groups=_groups(study, bands, parts, detailed=False),

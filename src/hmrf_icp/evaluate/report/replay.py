@@ -15,17 +15,20 @@ from numpy.typing import NDArray
 from hmrf_icp import datasets, se3
 from hmrf_icp.errors import HmrfIcpError, InputError, RegistrationWarning
 from hmrf_icp.evaluate import peers
+from hmrf_icp.evaluate.configuration import Configuration
 from hmrf_icp.evaluate.methods import NamedMethod, own_methods
 from hmrf_icp.evaluate.plain import plain
 from hmrf_icp.evaluate.prepared import Prepared
 from hmrf_icp.evaluate.progress import Progress, silent
-from hmrf_icp.evaluate.protocol import Axes, Start, perturbed, true_transformation
+from hmrf_icp.evaluate.protocol import Axes, Pair, Start, perturbed, true_transformation
 from hmrf_icp.evaluate.report.page import ShownRun
 from hmrf_icp.evaluate.report.pictures import Scene, draw_scene
 from hmrf_icp.evaluate.report.runs import Runs
 from hmrf_icp.evaluate.report.study import Study
 from hmrf_icp.evaluate.report.style import Drawing
 from hmrf_icp.evaluate.report.worst import WorstRun, worst_runs
+from hmrf_icp.evaluate.sources import PairSource, source_of
+from hmrf_icp.evaluate.work import Clouds
 
 Array = NDArray[np.float64]
 
@@ -68,19 +71,22 @@ class Replay:
 
     Attributes
     ----------
-    sequence
-        The recording.
-    subsample
-        Step of rows and columns.
+    source
+        Where the pairs come from.
+    clouds
+        How frames become the clouds that are registered.
     axes
         The directions of the starts.
+    from_camera
+        Whether the target was seen from the origin of its frame, which is where to look from.
     methods
         By name.
     """
 
-    sequence: datasets.Sequence
-    subsample: int
+    source: PairSource
+    clouds: Clouds
     axes: Axes
+    from_camera: bool
     methods: Mapping[str, NamedMethod]
 
     @classmethod
@@ -105,10 +111,12 @@ class Replay:
             )
         if not dataset.startswith(RENDERED) and not Path(dataset).is_dir():
             raise InputError(f"the data are not at {dataset}")
+        data = datasets.open_dataset(dataset)
         return cls(
-            datasets.open_sequence(dataset),
-            subsample,
+            source_of(data, Configuration(dataset)),
+            Clouds("replay", subsample, bool(config.get("points_alone", False))),
             Axes.random(axes, seed),
+            isinstance(data, datasets.Sequence) and data.sensor == "depth camera",
             {**own_methods(), **peers.catalogue()},
         )
 
@@ -121,18 +129,19 @@ class Replay:
             A frame cannot be read, or the method is not in this installation.
         """
         row = study.runs.where(np.array([run.index]))
-        source_frame = self.sequence.frame(_whole(row, "source"))
-        target_frame = self.sequence.frame(_whole(row, "target"))
         axis = _whole(row, "axis")
         if axis >= len(self.axes):
             raise InputError(f"row {row.line[0]} has axis {axis} of {len(self.axes)}")
-        source, target = (
-            Prepared(frame.load().subsample(self.subsample), frame.index)
-            for frame in (source_frame, target_frame)
-        )
-        truth = true_transformation(source_frame.pose, target_frame.pose)
-        start = Start(float(row["angle"][0]), float(row["translation"][0]))
-        init = perturbed(truth, source.centroid, self.axes, axis, start)
+        place = study.scenes.get(str(row["pair"][0]), "")
+        overlap = float(row["overlap"][0])
+        pair = Pair(_whole(row, "target"), _whole(row, "source"), overlap, place)
+        posed = self.source.posed(pair)
+        source, target = (self.clouds.prepare(frame) for frame in (posed.source, posed.target))
+        truth = true_transformation(posed.source.pose, posed.target.pose)
+        start = Start(float(row["angle"][0]), posed.unit * float(row["translation"][0]))
+        init = None
+        if start.given:
+            init = perturbed(truth, source.centroid, self.axes, axis, start)
         end = None
         caption = ""
         if not row.failed[0]:
@@ -150,14 +159,16 @@ class Replay:
         scene = Scene(
             source.points,
             target.points,
-            init,
+            np.eye(4) if init is None else init,
             end,
             truth,
-            from_camera=self.sequence.sensor == "depth camera",
+            from_camera=self.from_camera,
         )
         return draw_scene(scene, name, f"{run.title}: {run.facts}.", caption)
 
-    def _registered(self, name: str, source: Prepared, target: Prepared, init: Array) -> Array:
+    def _registered(
+        self, name: str, source: Prepared, target: Prepared, init: Array | None
+    ) -> Array:
         if name not in self.methods:
             raise InputError(f"there is no method called {name} in this installation")
         with warnings.catch_warnings():

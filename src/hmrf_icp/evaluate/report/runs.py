@@ -19,6 +19,7 @@ from numpy.typing import NDArray
 from hmrf_icp.errors import InputError
 from hmrf_icp.evaluate.plain import plain
 from hmrf_icp.evaluate.progress import Progress, silent
+from hmrf_icp.evaluate.protocol import NONE
 from hmrf_icp.evaluate.report.statistics import decile
 from hmrf_icp.io.files import reading
 
@@ -31,6 +32,7 @@ NUMBERS = (
     "translation",
     "error_m",
     "error_rad",
+    "right",
     "iterations",
     "em_iterations",
     "seconds",
@@ -57,15 +59,43 @@ class Success(NamedTuple):
         return f"{self.metres:g} m and {self.radians:g} rad"
 
 
+NO_START = "without a start"
+
+
 class ReportedStart(NamedTuple):
-    """How far from the true pose a run began: a rotation in radians, a translation in metres."""
+    """How far from the true pose a run began: a rotation in radians, a translation in metres.
+
+    An infinite rotation stands for no start.
+    """
 
     angle: float
     translation: float
 
     @property
+    def given(self) -> bool:
+        """Whether there was one."""
+        return self.angle != math.inf
+
+    @property
+    def begun(self) -> str:
+        """Within a sentence: ``started π/30 from the true pose``, ``without a start``."""
+        return f"started {self.label} from the true pose" if self.given else NO_START
+
+    @property
+    def short(self) -> str:
+        """In a heading: ``started π/30 off``, ``without a start``."""
+        return f"started {self.label} off" if self.given else NO_START
+
+    @property
+    def begins(self) -> str:
+        """At the head of a sentence: ``From π/30``, ``Without a start``."""
+        return f"From {self.label}" if self.given else NO_START.capitalize()
+
+    @property
     def label(self) -> str:
-        """For people: ``π/30``, ``π/6 + 0.3 m``, ``true pose``."""
+        """For people: ``π/30``, ``π/6 + 0.3 m``, ``true pose``, ``none``."""
+        if not self.given:
+            return NONE
         if self.angle == 0 and self.translation == 0:
             return "true pose"
         if self.translation == 0:
@@ -74,7 +104,9 @@ class ReportedStart(NamedTuple):
 
     @property
     def slug(self) -> str:
-        """For file names: ``pi-30``, ``pi-6-0.3m``."""
+        """For file names: ``pi-30``, ``pi-6-0.3m``, ``none``."""
+        if not self.given:
+            return NONE
         angle = angle_label(self.angle).replace("π", "pi").replace("/", "-").replace(" ", "")
         return angle if self.translation == 0 else f"{angle}-{self.translation:g}m"
 
@@ -99,8 +131,8 @@ class Runs:
         strings where the file has no such column.
     numbers
         Columns of numbers: overlap, angle (rad), translation (m), error_m,
-        error_rad, iterations, em_iterations, seconds, converged (0 or 1),
-        confidence, fitness. NaN where a row has none: a method that failed has
+        error_rad, right (0 or 1), iterations, em_iterations, seconds, converged (0
+        or 1), confidence, fitness. NaN where a row has none: a method that failed has
         no error.
     line
         Line of the file that each run stands on.
@@ -153,9 +185,13 @@ class Runs:
         return {}
 
     def solved(self, success: Success) -> Mask:
-        """Mask the runs that ended within both thresholds; a run without a pose did not."""
+        """Mask the runs that succeeded; a run without a pose did not.
+
+        What the pair's own criterion says goes first, both thresholds hold where there is none.
+        """
         mask: Mask = (self["error_m"] <= success.metres) & (self["error_rad"] <= success.radians)
-        return mask
+        right = self["right"]
+        return np.asarray(np.where(np.isfinite(right), right == 1, mask))
 
     @cached_property
     def failed(self) -> Mask:
@@ -250,7 +286,7 @@ def _columns(path: Path, header: Sequence[str], rows: Iterator[list[str]]) -> Ru
         for name, values in numbers.items():
             word = row[place[name]]
             try:
-                values.append(_number(word))
+                values.append(math.inf if word == NONE and name == "angle" else _number(word))
             except ValueError:
                 raise InputError(
                     f"{path}, line {line}: {name} is {word!r}, expected a number"
@@ -278,7 +314,7 @@ def _checked(
         for name in NUMBERS
     }
     for name in ("overlap", "angle", "translation"):
-        bad = np.flatnonzero(~np.isfinite(values[name]))
+        bad = np.flatnonzero(np.isnan(values[name]))
         if bad.size:
             raise InputError(f"{path}, line {lines[bad[0]]}: no {name}")
     for name in (*HIGHEST, "error_m", "error_rad"):

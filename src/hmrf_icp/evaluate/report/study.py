@@ -10,6 +10,8 @@ from functools import cached_property
 from pathlib import Path
 from typing import Any
 
+import numpy as np
+
 from hmrf_icp.errors import InputError
 from hmrf_icp.evaluate.plain import plain
 from hmrf_icp.evaluate.progress import Progress, silent
@@ -72,6 +74,15 @@ class Study:
         """Ways of choosing among the peers afterwards."""
         return hindsights(self.roster)
 
+    def hindsight(self, start: ReportedStart) -> Hindsight | None:
+        """Return the peers to hold runs from a start against; None without peers.
+
+        Those that use the start where there is one, and all of them where there is none.
+        """
+        if not self.hindsights:
+            return None
+        return self.hindsights[0 if start.given else -1]
+
     @cached_property
     def headline(self) -> ReportedMethod:
         """The method that the report is about."""
@@ -81,6 +92,19 @@ class Study:
     def solved(self) -> Mask:
         """Which runs succeeded."""
         return self.runs.solved(self.success)
+
+    @cached_property
+    def scenes(self) -> Mapping[str, str]:
+        """Benchmark and scene by the name of a pair; empty for sequences of frames."""
+        return {row["pair"]: row["scene"] for row in self.pairs if row.get("scene")}
+
+    @cached_property
+    def criterion(self) -> str:
+        """When a run counts as solved, as the end of a sentence: ``it ends within ...``."""
+        own = self.config.get("criterion")
+        if isinstance(own, str) and np.isfinite(self.runs["right"]).any():
+            return own
+        return f"it ends within {self.success} of the true pose"
 
     @property
     def starts(self) -> tuple[ReportedStart, ...]:

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from hmrf_icp.evaluate.report.confidence import LOW_OVERLAP, confident
+from hmrf_icp.evaluate.report.confidence import LOW_OVERLAP, SURE, confident
 from hmrf_icp.evaluate.report.cost_tables import overlap_words
 from hmrf_icp.evaluate.report.recall_tables import Slice, recall
 from hmrf_icp.evaluate.report.runs import ReportedStart
@@ -24,11 +24,13 @@ def _extent(study: Study) -> str:
     runs = study.runs
     pairs = len(set(runs["pair"].tolist()))
     low, high = (overlap_words(float(end(runs["overlap"]))) for end in (min, max))
-    starts = ", ".join(start.label for start in study.starts)
+    angles = ", ".join(start.label for start in study.starts if start.given)
+    begun = [f"started {angles} from the true pose"] if angles else []
+    begun += [start.begun for start in study.starts if not start.given]
     return (
         f"{_count(len(runs), 'run')} of {_count(len(runs.methods), 'method')} on "
-        f"{_count(pairs, 'pair')} of {study.dataset}, overlap {low} to {high}, started {starts} "
-        f"from the true pose. A run is solved when it ends within {study.success}."
+        f"{_count(pairs, 'pair')} of {study.dataset}, overlap {low} to {high}, "
+        f"{' and '.join(begun)}. A run is solved when {study.criterion}."
     )
 
 
@@ -36,10 +38,10 @@ def _start(study: Study, start: ReportedStart) -> str:
     headline = study.headline
     part = Slice(start)
     ours = recall(study, headline, part)
-    sentence = f"From {start.label}, {headline.label} solves {_share(ours)}"
-    if not study.hindsights or headline.kind == "peer":
+    sentence = f"{start.begins}, {headline.label} solves {_share(ours)}"
+    hindsight = study.hindsight(start)
+    if hindsight is None or headline.kind == "peer":
         return sentence + "."
-    hindsight = study.hindsights[0]
     chosen = hindsight.best(study.runs.where(part.of(study.runs)), study.success)
     single = recall(study, chosen, part)
     oracle = hindsight.oracle(study.runs, study.success)
@@ -96,7 +98,7 @@ def _confidence(study: Study) -> list[str]:
         if area is None:
             continue
         below = "" if low is None else f", {low:.3f} below {LOW_OVERLAP:g} of overlap"
-        sure = score.value >= 0.5
+        sure = score.value >= SURE
         wrong = Share.of(~score.solved[sure])
         told = f" Of its runs with a confidence of 0.5 or more, {wrong.solved} of {wrong.runs} are "
         return [

@@ -77,8 +77,10 @@ def _one_a_pair(study: Study, order: NDArray[np.intp], count: int, taken: set[st
 def _described(study: Study, index: int, reason: str) -> WorstRun:
     row = study.runs.where(np.array([index]))
     start = ReportedStart(float(row["angle"][0]), float(row["translation"][0]))
+    scene = study.scenes.get(str(row["pair"][0]), "")
     title = f"Source {row['source'][0]} to target {row['target'][0]}"
-    facts = [f"Overlap {overlap_words(float(row['overlap'][0]))}", f"started {start.label} off"]
+    title = f"{scene}: {title[0].lower()}{title[1:]}" if scene else title
+    facts = [f"Overlap {overlap_words(float(row['overlap'][0]))}", start.short]
     if str(row["axis"][0]):
         facts[-1] += f" (axis {row['axis'][0]})"
     if row.failed[0]:
