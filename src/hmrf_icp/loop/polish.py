@@ -41,6 +41,9 @@ BEYOND = 9.0
 """Times its mean that the square of a difference of normals is disagreement and not noise;
 as in :mod:`hmrf_icp.kernels.geometry`."""
 
+HARDLY = 0.01
+"""Probability of being an inlier below which nobody asks what a point is matched to."""
+
 MEDIAN = 0.6745
 """Median of the absolute value of a standard normal variable."""
 
@@ -107,25 +110,27 @@ def agreeing(
     from hmrf_icp.kernels.polish import across
 
     surface, onto = source.surface, target.surface
-    _, near = target.tree.query(np.ascontiguousarray(placed.points), k=min(NEAR, len(target)))
-    near = near.reshape(len(placed.points), -1).astype(np.intp)
-    row, off = across(
-        placed.points,
-        surface.normals,
-        surface.noise,
-        surface.tilt,
+    some = np.flatnonzero(chance > HARDLY)
+    row, share = np.zeros(len(chance), dtype=np.intp), np.zeros(len(chance))
+    points = np.ascontiguousarray(placed.points[some])
+    _, near = target.tree.query(points, k=min(NEAR, len(target)))
+    row[some], off = across(
+        points,
+        surface.normals[some],
+        surface.noise[some],
+        surface.tilt[some],
         onto.points,
         onto.normals,
         onto.noise,
         onto.tilt,
-        near,
+        near.reshape(len(some), -1).astype(np.intp),
         placed.transformation[:3, :3],
         surface.oriented and onto.oriented,
         (LEAST_NOISE * surface.size) ** 2,
         BEYOND,
     )
-    told = off[np.isfinite(off) & (chance > 0.5)]
+    told = off[np.isfinite(off) & (chance[some] > 0.5)]
     scale = max(1.0, float(np.median(told)) / MEDIAN) if told.size else 1.0
-    inside = np.minimum(off / (CUT * scale), 1.0)
+    share[some] = (1.0 - np.minimum(off / (CUT * scale), 1.0) ** 2) ** 2
     gap = placed.points - onto.points[row]
-    return Matches(row, np.sqrt(np.einsum("ij,ij->i", gap, gap))), (1.0 - inside**2) ** 2
+    return Matches(row, np.sqrt(np.einsum("ij,ij->i", gap, gap))), share

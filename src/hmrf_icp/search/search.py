@@ -46,6 +46,11 @@ RETURN_MARGIN = 1.0
 through Algorithm 1: that it agrees with a few points more somewhere else is no evidence.
 """
 
+LAST_MARGIN = 0.1
+"""Log-odds that the last steps may cost. Where the noise is as it is taken to be they cost 0.02 at
+the most; maps that a lens bends lose 0.2 to 2 where a part of them pulls the pose to itself.
+"""
+
 SAME_ANGLE, SAME_SHIFT = 0.03, 0.02
 """Radians and share of the target's size within which two poses lead to the same place."""
 
@@ -236,7 +241,7 @@ class Search:
             return end
         loop = polish(end.loop, self._source, self._target, metric, self._on_iteration)
         polished = self._judged(loop)
-        worse = polished.log_posterior < end.log_posterior - RETURN_MARGIN
+        worse = polished.log_posterior < end.log_posterior - LAST_MARGIN
         return end if worse else polished
 
     def _judged(self, loop: LoopResult) -> Judged:
