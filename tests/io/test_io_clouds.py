@@ -291,7 +291,7 @@ def test_npy_holds_a_cloud_or_a_depth_map_by_its_shape(tmp_path):
 
 
 def test_bad_npy(tmp_path):
-    np.save(tmp_path / "s.npy", np.ones((2, 2, 4)))
+    np.save(tmp_path / "s.npy", np.ones((2, 2, 5)))
     with pytest.raises(InputError, match=r"s\.npy: .*shape"):
         read_cloud(tmp_path / "s.npy")
     np.save(tmp_path / "t.npy", np.array(["a", "b"]))
