@@ -10,6 +10,7 @@ from hmrf_icp.clouds.prepared import PreparedCloud
 from hmrf_icp.clouds.range_image import BAND
 from hmrf_icp.loop.match import Match, Matcher, Matches, NearestNeighbour
 from hmrf_icp.loop.placed import Placed
+from hmrf_icp.search.rim import within_rim
 
 
 @dataclass(frozen=True)
@@ -19,7 +20,7 @@ class VisibleMatch:
     A point in space that the sensor looked through, hidden behind what it saw,
     or where it did not look, has no counterpart whatever its distance to the
     closest point (Masuda and Yokoya 1995 name these classes). Without a
-    viewpoint there is no evidence, and nothing but the matches.
+    viewpoint only the rim of what was seen tells (:mod:`hmrf_icp.search.rim`).
 
     Parameters
     ----------
@@ -44,7 +45,7 @@ class VisibleMatch:
         match = self.match.prepare(source, target)
         view = target.range_image
         if view is None:
-            return match
+            return within_rim(match, target)
         view = view.wider((self.band - BAND) * target.surface.noise)
         surface = source.surface
         log_odds = np.array(self.log_odds)
