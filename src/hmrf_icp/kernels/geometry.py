@@ -71,7 +71,7 @@ def geometry(
         if square > BEYOND * apart[i]:
             shorter = math.sqrt(apart[i] / square)
             dx, dy, dz = shorter * dx, shorter * dy, shorter * dz
-            sure /= 1.0 + square / DISAGREE**2
+            sure /= 1.0 + (square / DISAGREE**2) ** 2
         add_row(noise, x, y, z, dx, dy, dz, 0.0, w)
         add_row(trusted, x, y, z, ux, uy, uz, residual, sure)
         add_row(trusted_noise, x, y, z, dx, dy, dz, 0.0, sure)
