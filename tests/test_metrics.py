@@ -56,7 +56,9 @@ def surface(points, normals, noise=0.002, oriented=True):
         noise=np.full(count, noise),
         area=np.full(count, 0.01),
         oriented=oriented,
-        support=25,
+        support=np.full(count, 25.0),
+        residual=np.full(count, noise),
+        width=np.full(count, 0.1),
     )
 
 

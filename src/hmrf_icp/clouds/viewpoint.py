@@ -19,6 +19,7 @@ from typing import Literal
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
+from hmrf_icp.clouds.tree import Tree
 from hmrf_icp.errors import InputError
 
 Array = NDArray[np.float64]
@@ -104,8 +105,6 @@ class Seeing:
     """A cloud as its points are held against places: surface, spacing, size."""
 
     def __init__(self, points: Array) -> None:
-        from pykdtree.kdtree import KDTree
-
         from hmrf_icp.kernels.surface import fit_neighbours
 
         some = points
@@ -114,10 +113,14 @@ class Seeing:
             some = points[rows]
         self.points = np.ascontiguousarray(some, dtype=np.float64)
         count = min(NEIGHBOURS, len(self.points))
-        distance, index = KDTree(self.points).query(self.points, k=count)
+        distance, index = Tree(self.points).query(self.points, k=count)
         self.centre = self.points.mean(axis=0)
         self.size = float(np.sqrt(((self.points - self.centre) ** 2).sum(axis=1).mean()))
-        self.normals, off = fit_neighbours(self.points, index.astype(np.int64), self.centre)
+        distance, index = (each.reshape(len(self.points), count) for each in (distance, index))
+        of, counts = np.arange(len(self.points)), np.array([count])
+        self.normals, off, *_ = fit_neighbours(
+            self.points, index.astype(np.int64), distance, of, counts, self.centre
+        )
         area = np.maximum(np.pi * distance[:, -1] ** 2 / count, 1e-12 * self.size**2)
         self.spacing = np.sqrt(area)
         surface = np.flatnonzero((self.normals != 0.0).any(axis=1) & (off < FLAT * self.spacing))

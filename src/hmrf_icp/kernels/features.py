@@ -8,7 +8,7 @@ from typing import Any
 import numpy as np
 
 from hmrf_icp.kernels.compiled import njit
-from hmrf_icp.kernels.surface import smallest_eigenvector
+from hmrf_icp.kernels.surface import eigenvalues_and_normal
 
 BINS = 11
 """Bins of each of the three angles."""
@@ -90,7 +90,7 @@ def smooth_normals(points: Any, normals: Any, cells: Any, span: Any, reach: floa
             sx, sy, sz = sx + x, sy + y, sz + z
             xx, xy, xz = xx + x * x, xy + x * y, xz + x * z
             yy, yz, zz = yy + y * y, yz + y * z, zz + z * z
-        _, nx, ny, nz = smallest_eigenvector(
+        _, _, _, nx, ny, nz = eigenvalues_and_normal(
             xx / n - sx * sx / n**2,
             xy / n - sx * sy / n**2,
             xz / n - sx * sz / n**2,

@@ -19,6 +19,12 @@ surfaces and rooms are told apart with anything from 2 to 9. At 2 the noise itse
 cut short; from 16 on, wrong matches pass for noise and rooms seem free to move.
 """
 
+DISAGREE = 0.3
+"""Half a difference of normals, beyond noise, at which a match counts half.
+
+Two surfaces that cross are no measurement of either.
+"""
+
 
 @njit(**OPTIONS)
 def geometry(
@@ -29,6 +35,7 @@ def geometry(
     row: Any,
     weight: Any,
     apart: Any,
+    trust: Any,
     centre: Any,
 ) -> Any:
     """Sum what surfaces know of the pose, and what noise in their normals makes up.
@@ -36,10 +43,13 @@ def geometry(
     Two sums: with half the sum of the normals of a match, and with half their
     difference. Where the square of that is more than ``BEYOND`` times ``apart`` (M,), what
     noise makes of it, it is shortened to ``apart``. Only the first sum has a gradient and
-    a cost that mean something.
+    a cost that mean something. Then the same two again, each match counted by the ``trust`` (M,)
+    that its normals deserve, and for less where they disagree.
     """
     truth = np.zeros(SUMS)
     noise = np.zeros(SUMS)
+    trusted = np.zeros(SUMS)
+    trusted_noise = np.zeros(SUMS)
     for i in range(points.shape[0]):
         w = weight[i]
         if w == 0.0:
@@ -55,10 +65,14 @@ def geometry(
             + uz * (points[i, 2] - onto[k, 2])
         )
         add_row(truth, x, y, z, ux, uy, uz, residual, w)
-        ux, uy, uz = nx - ux, ny - uy, nz - uz
-        square = ux * ux + uy * uy + uz * uz
+        dx, dy, dz = nx - ux, ny - uy, nz - uz
+        square = dx * dx + dy * dy + dz * dz
+        sure = w * trust[i]
         if square > BEYOND * apart[i]:
             shorter = math.sqrt(apart[i] / square)
-            ux, uy, uz = shorter * ux, shorter * uy, shorter * uz
-        add_row(noise, x, y, z, ux, uy, uz, 0.0, w)
-    return truth, noise
+            dx, dy, dz = shorter * dx, shorter * dy, shorter * dz
+            sure /= 1.0 + (square / DISAGREE**2) ** 2
+        add_row(noise, x, y, z, dx, dy, dz, 0.0, w)
+        add_row(trusted, x, y, z, ux, uy, uz, residual, sure)
+        add_row(trusted_noise, x, y, z, dx, dy, dz, 0.0, sure)
+    return truth, noise, trusted, trusted_noise

@@ -42,8 +42,9 @@ class Step:
         (6, 6) inverse covariance of the twist by which ``motion`` is off; zero along
         what the matches leave free. None where the metric has no noise to say it in.
     degenerate
-        (k, 6) unit twists that the matches leave free and ``motion`` has nothing of:
-        1 rad about an axis, or 1 m along one. None where nobody looked.
+        (k, 6) unit twists that the matches leave free: 1 rad about an axis, or 1 m along one.
+        ``motion`` has nothing of them, unless normals that are not to be trusted, at edges
+        and bends, alone speak for it. None where nobody looked.
     weakest
         Smallest eigenvalue of the information over what noise alone would give, as a
         multiple of the least that is followed: below 1 that direction is one of

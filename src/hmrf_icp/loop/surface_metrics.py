@@ -69,6 +69,8 @@ class Matched(NamedTuple):
         P(Z = +1) of the match, or 0 or 1 for hard weights; 0 where it is left out.
     normal_noise
         Mean square of half the difference that noise makes between its normals.
+    trust
+        How much its normals count as knowledge of the surface, 0 to 1.
     """
 
     points: Array
@@ -81,6 +83,7 @@ class Matched(NamedTuple):
     onto_variance: Array
     chance: Array
     normal_noise: Array
+    trust: Array
 
 
 @dataclass(frozen=True)
@@ -136,11 +139,14 @@ class SurfaceMetric:
         # Rotation in units of the scene: both halves of a twist move the points about equally far.
         units = np.array([1 / length] * 3 + [1.0] * 3)
         both = np.outer(units, units)
-        truth, noise = geometry(*m[:6], m.normal_noise, centre)
+        truth, noise, trusted, trusted_noise = geometry(*m[:6], m.normal_noise, m.trust, centre)
         information = matrix(truth) * both
-        free, bound, weakest = split(information, matrix(noise) * both)
+        bound = split(information, matrix(noise) * both).bound
         if bound.shape[1] == 0:
             return None
+        judged = split(matrix(trusted) * both, matrix(trusted_noise) * both)
+        if judged.bound.shape[1] == bound.shape[1]:
+            bound = judged.bound
 
         motion = np.eye(4)
         for _ in range(INNER_STEPS):
@@ -157,12 +163,14 @@ class SurfaceMetric:
             if np.linalg.norm(step) < SMALL * length:
                 break
 
-        known = bound @ (bound.T @ information @ bound) @ bound.T / both
+        # What edges and bends alone speak for is followed, and not told as known.
+        sure = judged.bound
+        known = sure @ (sure.T @ information @ sure) @ sure.T / both
         return Step(
             se3.rigid(np.eye(3), centre) @ motion @ se3.rigid(np.eye(3), -centre),
             about_origin(known, centre) / excess(truth[COST], m.chance),
-            unit_twists(free, length, centre),
-            weakest,
+            unit_twists(judged.free, length, centre),
+            judged.weakest,
         )
 
 
@@ -259,7 +267,7 @@ class Pairing:
                 f"labels: expected one for each of the {len(row)} observed source points, "
                 f"got shape {chance.shape}"
             )
-        normals, *weighed = kernels.weigh(
+        normals, weight, variance, onto_variance, used, apart = kernels.weigh(
             source.normals,
             source.noise,
             self._tilts[0],
@@ -272,8 +280,20 @@ class Pairing:
             self._oriented,
             self._least,
         )
-        onto = read_only(target.points)
-        return Matched(placed.points, normals, onto, target.normals, row, *weighed)
+        trust = source.trust * target.trust[row]
+        return Matched(
+            placed.points,
+            normals,
+            read_only(target.points),
+            target.normals,
+            row,
+            weight,
+            variance,
+            onto_variance,
+            used,
+            apart,
+            trust,
+        )
 
 
 def least_squares(hessian: Array, gradient: Array) -> Array | None:
