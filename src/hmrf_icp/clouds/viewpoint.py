@@ -116,7 +116,7 @@ class Seeing:
         distance, index = Tree(self.points).query(self.points, k=count)
         self.centre = self.points.mean(axis=0)
         self.size = float(np.sqrt(((self.points - self.centre) ** 2).sum(axis=1).mean()))
-        distance, index = (each.reshape(len(self.points), count) for each in (distance, index))
+        distance, index = distance.reshape(-1, count), index.reshape(-1, count)
         of, counts = np.arange(len(self.points)), np.array([count])
         self.normals, off, *_ = fit_neighbours(
             self.points, index.astype(np.int64), distance, of, counts, self.centre
