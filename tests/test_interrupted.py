@@ -26,6 +26,17 @@ def test_an_interrupted_loop_is_an_interrupt():
         hmrf_icp.register(*synthetic.pair(), on_iteration=compiled_loop_interrupted)
 
 
+def test_an_interrupt_that_was_wrapped_twice_is_one():
+    def wrapped_again(_):
+        try:
+            compiled_loop_interrupted(_)
+        except SystemError as inner:
+            raise SystemError("returned a result with an exception set") from inner
+
+    with pytest.raises(KeyboardInterrupt):
+        hmrf_icp.register(*synthetic.pair(), on_iteration=wrapped_again)
+
+
 def test_another_system_error_stays_one():
     def broken(_):
         raise SystemError("of another kind")

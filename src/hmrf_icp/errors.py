@@ -30,11 +30,14 @@ class RegistrationWarning(UserWarning):
 def interruptible() -> Iterator[None]:
     """Let Ctrl-C come out as KeyboardInterrupt, also where a compiled loop met it.
 
-    Numba looks for signals when a loop returns, and wraps what it finds.
+    Numba looks for signals when a loop returns, and wraps what it finds, once or more often.
     """
     try:
         yield
     except SystemError as error:
-        if isinstance(error.__cause__, KeyboardInterrupt):
+        cause: BaseException | None = error
+        while isinstance(cause, SystemError):
+            cause = cause.__cause__
+        if isinstance(cause, KeyboardInterrupt):
             raise KeyboardInterrupt from None
         raise
