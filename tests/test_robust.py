@@ -89,7 +89,8 @@ def test_clouds_without_a_grid_or_a_viewpoint_are_registered_too():
     assert metres < 0.02
     assert radians < 0.01
     assert result.inlier_probability.shape == source.shape
-    assert not result.visibility.views
+    assert result.visibility.views  # the origin is recovered as the viewpoint of both
+    assert result.source_view.kind == result.target_view.kind == "recovered"
 
 
 def test_a_full_resolution_pair_has_a_label_at_every_observed_pixel():

@@ -22,6 +22,10 @@ little off it; of what is known of the direction known least; of how many ways w
 and how far it extends. Fitted to 1,415 ends of 54 pairs of fused fragments of real rooms and a
 rendered one."""
 
+CHANCE = 4.0
+"""Log-odds at the most, where no viewpoint is known: this for each e-fold of points that agree to
+points on a surface that faces another way. Of normals that mean nothing a fifth agree by chance."""
+
 LEAST = 1e-3
 """Facing and extent below which less tells no more."""
 
@@ -49,6 +53,8 @@ def confidence(visibility: Visibility, weakest: float | None = None) -> float:
         None where nobody looked, and it is taken for well known.
     """
     most = SLIDES * (SLIDING + math.log(_known(weakest)))
+    if not visibility.views:
+        most = min(most, CHANCE * math.log((visibility.agree + 1.0) / (visibility.other + 1.0)))
     odds = math.exp(min(log_odds(visibility, weakest), most))
     return odds / (1.0 + odds)
 
