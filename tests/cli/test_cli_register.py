@@ -410,7 +410,10 @@ def test_a_cloud_that_no_motion_can_be_found_from(command, clouds, tmp_path, poi
         ((*INTRINSICS, "--max-depth", "0.5"), "0 observed points"),
         ((*INTRINSICS, "--viewpoint", "0,0"), "--viewpoint: expected three numbers X,Y,Z"),
         ((*INTRINSICS, "--viewpoint", "0,0,nan"), "--viewpoint: expected three numbers X,Y,Z"),
-        ((*INTRINSICS, "--viewpoint", "here"), "in metres, such as 0,0,1.8, auto or none; got 'here'"),
+        (
+            (*INTRINSICS, "--viewpoint", "here"),
+            "in metres, such as 0,0,1.8, auto or none; got 'here'",
+        ),
         ((*INTRINSICS, "--init", "none.txt"), "none.txt: no such file"),
         ((*INTRINSICS, "--preset", "best"), f"expected one of {', '.join(presets.names())}"),
         (

@@ -31,8 +31,12 @@ Array = NDArray[np.float64]
 COARSE = Level(600, 2500, 40, 8, (0.15, 0.08, 0.04, 0.02), 4)
 CLOSE = Level(1500, 6000, 56, 3, (0.15, 0.08, 0.04, 0.03, 0.02, 0.015), 8)
 
-CONVINCED = 0.5
-"""Confidence from which no further starts are tried: more likely right than not."""
+CONVINCED, CONVINCED_UNSEEN = 0.5, 0.9
+"""Confidence from which no further starts are tried: with free space, and without it.
+
+Free space leaves a pose that is more likely right than not few rivals; without it something
+similar a step away, such as an object half its size off, can be as likely.
+"""
 
 
 @dataclass(frozen=True)
@@ -87,7 +91,7 @@ class CoarseToFine:
         search = Search(self, source, target, init, near, on_iteration)
         end = search.among(Starts(search.turns, 0, self.finalists, False))
         for more in search.farther():
-            if end.confidence >= CONVINCED:
+            if end.confidence >= (CONVINCED if end.visibility.views else CONVINCED_UNSEEN):
                 break
             end = search.among(more)
         end = search.polished(search.no_worse(end))
