@@ -167,9 +167,9 @@ def register(
 
     Depth maps: hmrf-icp register a.png b.png --intrinsics 585,585,320,240
 
-    Exit status: 0 the pose is to be believed (confidence of 0.5 or more; converged,
-    where the preset gives no confidence); 1 it is not (the result is printed and
-    written all the same, and says what to try); 2 bad input (nothing is written).
+    Exit status: 0 the pose is to be believed (confidence of 0.5 or more, or
+    converged, where the preset gives none); 1 it is not (the result is printed
+    and written all the same, and says what to try); 2 bad input.
     """
     import hmrf_icp
     from hmrf_icp.cli.outputs import Outputs, note

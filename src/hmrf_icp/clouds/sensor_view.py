@@ -93,9 +93,9 @@ def find_view(cloud: PointCloud, surface: Surface, origin: Array) -> Seen:
         if here.source == "origin":
             return Seen(SensorView("recovered", f"recovered: {here.text}"), here.place)
     place, hidden = assumed_viewpoint(surface, origin)
-    text = f"assumed: {_text(place)}, from where {hidden:.1%} of the points are hidden"
+    text = f"assumed: {_text(place)}, {hidden:.1%} hidden from there"
     return Seen(SensorView("assumed", text), place)
 
 
 def _text(place: Array) -> str:
-    return "(" + ", ".join(f"{x:.4g}" for x in place + 0.0) + ")"
+    return "(" + ", ".join(f"{x:.3g}" for x in place + 0.0) + ")"
