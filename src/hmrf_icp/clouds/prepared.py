@@ -134,6 +134,11 @@ class PreparedCloud:
         return range_image(self.cloud, self.surface) if self.seen_from.known else None
 
     @cached_property
+    def image_from_origin(self) -> RangeImage | None:
+        """The same from an assumed place that is the origin of the cloud's frame."""
+        return range_image(self.cloud, self.surface) if self.seen_from.at_origin else None
+
+    @cached_property
     def viewed(self) -> PreparedCloud:
         """The cloud from its viewpoint or, where that is not known, from the likeliest place."""
         if self.cloud.viewpoint is not None or not self.look:

@@ -28,10 +28,14 @@ class SensorView:
         several views: which side of its surfaces was seen is not known then; or ``"none"``.
     text
         The same in words, with the numbers.
+    at_origin
+        Whether an assumed place is the origin of the cloud's frame: the first of several views
+        that were fused may have been taken from there.
     """
 
     kind: Kind
     text: str
+    at_origin: bool = False
 
     def __str__(self) -> str:
         return self.text
@@ -94,7 +98,7 @@ def find_view(cloud: PointCloud, surface: Surface, origin: Array) -> Seen:
             return Seen(SensorView("recovered", f"recovered: {here.text}"), here.place)
     place, hidden = assumed_viewpoint(surface, origin)
     text = f"assumed: {_text(place)}, {hidden:.1%} hidden from there"
-    return Seen(SensorView("assumed", text), place)
+    return Seen(SensorView("assumed", text, np.array_equal(place, origin)), place)
 
 
 def _text(place: Array) -> str:

@@ -22,6 +22,12 @@ little off it; of what is known of the direction known least; of how many ways w
 and how far it extends. Fitted to 1,415 ends of 54 pairs of fused fragments of real rooms and a
 rendered one."""
 
+CLEAR, LEAST_CLEAR, CLEARING = 4.0, 3.6, 3.0
+"""Where the origins of both frames may be viewpoints, the logarithm of agreement to free space
+violated from there tells as :data:`VIEWS` says beyond the first, and log-odds are at most the last
+times what it is above the second. Right poses of 3DLoMatch have 4.0 to 5.5, wrong ones that
+surfaces do not contradict 1.8 to 3.4."""
+
 CHANCE = 4.0
 """Log-odds at the most, where no viewpoint is known: this for each e-fold of points that agree to
 points on a surface that faces another way. Of normals that mean nothing a fifth agree by chance."""
@@ -55,6 +61,8 @@ def confidence(visibility: Visibility, weakest: float | None = None) -> float:
     most = SLIDES * (SLIDING + math.log(_known(weakest)))
     if not visibility.views:
         most = min(most, CHANCE * math.log((visibility.agree + 1.0) / (visibility.other + 1.0)))
+        if visibility.clear is not None:
+            most = min(most, CLEARING * (visibility.clear - LEAST_CLEAR))
     odds = math.exp(min(log_odds(visibility, weakest), most))
     return odds / (1.0 + odds)
 
@@ -75,6 +83,7 @@ def log_odds(visibility: Visibility, weakest: float | None = None) -> float:
             + HELD_UNSEEN * math.log(_known(weakest) / ENOUGH)
             + FACING * math.log(max(visibility.facing, LEAST))
             + EXTENT * math.log(max(visibility.extent, LEAST))
+            + (0.0 if visibility.clear is None else VIEWS * (visibility.clear - CLEAR))
         )
     return CONSTANT + VIEWS * math.log(agree / front) + held
 

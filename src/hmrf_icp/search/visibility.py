@@ -14,8 +14,11 @@ from hmrf_icp.clouds.prepared import PreparedCloud
 from hmrf_icp.clouds.range_image import BAND
 from hmrf_icp.clouds.surface import Surface, evenly
 
-AGREE = 0
+AGREE, FRONT = 0, 1
 """As in :mod:`hmrf_icp.kernels.range_image`."""
+
+FEW = 0.001
+"""Share of the points asked that is added to counts whose ratio is taken."""
 
 Array = NDArray[np.float64]
 
@@ -64,6 +67,9 @@ class Visibility:
         How far they extend along the direction in which they do least, root mean square, as
         a share of the target's size. Both are measured where no viewpoint is known: a plane
         laid on a plane agrees wherever it lies.
+    clear
+        Logarithm of agreement to free space violated from the origins of both frames, where
+        those were assumed as viewpoints; None where they were not.
     """
 
     agree: int
@@ -74,6 +80,7 @@ class Visibility:
     views: bool = True
     facing: float = 1.0 / 3.0
     extent: float = 1.0
+    clear: float | None = None
 
     @property
     def asked(self) -> int:
@@ -117,7 +124,7 @@ class NearSurface:
 
     def tell(self, distance: Array, row: NDArray[np.integer], normals: Array) -> NDArray[np.uint8]:
         """Tell the same of points with normals (M, 3) at a distance (M,) from the closest row."""
-        from hmrf_icp.kernels.range_image import AGREE, FACING, FRONT, OTHER, OUTSIDE
+        from hmrf_icp.kernels.range_image import FACING, OTHER, OUTSIDE
 
         cosine = np.abs((normals * self._surface.normals[row]).sum(axis=1))
         on = np.where(cosine > FACING, AGREE, OTHER)
@@ -149,6 +156,7 @@ class VisibilityTest:
         by_source, by_target = source.range_image, target.range_image
         self.views = by_source is not None and by_target is not None
         self._size = target.surface.size
+        self._from_origins = source.image_from_origin, target.image_from_origin
         self._by_source: Asked = by_source if by_source and by_target else NearSurface(source)
         self._by_target: Asked = by_target if by_source and by_target else NearSurface(target)
 
@@ -161,6 +169,7 @@ class VisibilityTest:
         agree, front, behind, outside, other = (int(n) for n in counts)
         if self.views:
             return Visibility(agree, front, behind, outside, other)
+        clear = self._clear(pose)
         one, two = of_source == AGREE, of_target == AGREE
         points = np.concatenate([se3.transform(pose, mine.points[one]), theirs.points[two]])
         normals = np.concatenate([mine.normals[one] @ pose[:3, :3].T, theirs.normals[two]])
@@ -173,7 +182,24 @@ class VisibilityTest:
             False,
             least_spread(normals),
             math.sqrt(least_spread(points - points.mean(axis=0))) / self._size if agree else 0.0,
+            clear,
         )
+
+    def _clear(self, pose: Array) -> float | None:
+        """Hold a pose against free space as it would be if both origins were viewpoints."""
+        from_source, from_target = self._from_origins
+        if from_source is None or from_target is None:
+            return None
+        mine, theirs = self._of_source, self._of_target
+        seen = np.concatenate(
+            [
+                from_target.ask(mine.points, mine.normals, pose),
+                from_source.ask(theirs.points, theirs.normals, se3.inverse(pose)),
+            ]
+        )
+        few = FEW * len(seen)
+        agree, front = np.count_nonzero(seen == AGREE), np.count_nonzero(seen == FRONT)
+        return math.log((agree + few) / (front + few))
 
 
 def least_spread(vectors: Array) -> float:
