@@ -48,7 +48,9 @@ def test_a_peer_comes_nearer_to_the_true_pose_of_views_that_share_nearly_everyth
     begun = se3.error(init, truth)[1]
     method = next(m for m in family.methods() if "@" not in m.name or m.name.endswith("@0.1"))
     outcome = method.register(source, target, init)
-    assert se3.error(se3.as_rigid(outcome.transformation), truth)[1] < 0.5 * begun
+    # Features alone look at no start, and are as good as their voxels of 0.05 m at 2 m.
+    near = 0.05 if family.name == "fpfh" else 0.5 * begun
+    assert se3.error(se3.as_rigid(outcome.transformation), truth)[1] < near
     assert outcome.fitness is not None
     assert 0.5 < outcome.fitness <= 1.0
 

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import re
+import warnings
 from collections.abc import Mapping
 from dataclasses import dataclass
 from pathlib import Path
@@ -183,15 +184,21 @@ def _column_alone(table: _Table, name: str, mark: str | None) -> Columns:
 
 
 def _loaded(table: _Table, kinds: Mapping[str, type], mark: str | None) -> Columns:
-    loaded = np.loadtxt(
-        [line for _, line in table.rows],
-        dtype=[(f"f{place}", kind) for place, kind in enumerate(kinds.values())],
-        delimiter=mark,
-        usecols=[table.columns[name] for name in kinds],
-        comments=None,
-        quotechar='"' if '"' in table.rows[0][1] else None,
-        ndmin=1,
-    )
+    with warnings.catch_warnings():
+        # NumPy before 2.3 cuts 1.5 to an integer, and warns of it.
+        warnings.simplefilter("error", DeprecationWarning)
+        try:
+            loaded = np.loadtxt(
+                [line for _, line in table.rows],
+                dtype=[(f"f{place}", kind) for place, kind in enumerate(kinds.values())],
+                delimiter=mark,
+                usecols=[table.columns[name] for name in kinds],
+                comments=None,
+                quotechar='"' if '"' in table.rows[0][1] else None,
+                ndmin=1,
+            )
+        except DeprecationWarning as warning:
+            raise ValueError(str(warning)) from None
     return {name: loaded[f"f{place}"] for place, name in enumerate(kinds)}
 
 
