@@ -23,6 +23,7 @@ import queue
 import random
 import re
 import shutil
+import signal
 import subprocess
 import sys
 import tempfile
@@ -42,6 +43,9 @@ TESTS = ROOT / "tests"
 
 LIMIT = 600.0
 """Seconds after which tests are stopped; that counts as noticed by nobody."""
+
+STOPPED = (signal.SIGINT, signal.SIGKILL, signal.SIGTERM)
+"""Signals that say nothing of the decision: somebody else ended the tests, which run again."""
 
 REST = ("cli", "io", "datasets", "evaluate")
 """Rooms of tests that ``--whole`` leaves out: they say nothing of registration."""
@@ -185,7 +189,7 @@ class Copy:
         failed = re.search(r"^(?:FAILED|ERROR) tests/(\S+)", done.stdout, re.MULTILINE)
         if done.returncode == 1 and failed:
             return "noticed", failed[1]
-        if done.returncode < 0:
+        if done.returncode < 0 and -done.returncode not in STOPPED:
             return "noticed", f"the process ended with signal {-done.returncode}"
         return "invalid", (done.stdout + done.stderr)[-300:]
 
@@ -259,7 +263,8 @@ def run(arguments: argparse.Namespace) -> list[Outcome]:
     for number, room, decision in chosen(arguments.only, arguments.sample, arguments.seed):
         broken(decision)
         state = fingerprint(decision, arguments.whole)
-        if decision.name not in before or before[decision.name].state != state:
+        done = before.get(decision.name)
+        if done is None or done.state != state or done.found == "invalid":
             to_do.append((number, room, decision, state))
     folder = arguments.work or Path(tempfile.mkdtemp(prefix="broken-decisions-"))
     copies: queue.Queue[Copy] = queue.Queue()

@@ -114,7 +114,7 @@ DECISIONS = (
         "kernels/geometry.py",
         "        if square > BEYOND * apart[i]:\n",
         "        if False:\n",
-        (*FREE, "test_robust.py"),
+        FREE,
     ),
     Decision(
         "edges and bends count as known",
@@ -178,7 +178,7 @@ DECISIONS = (
         "loop/polish.py",
         "    for _ in range(STEPS):\n",
         "    for _ in range(0):\n",
-        ("test_invariance.py", "test_result.py", "test_robust.py"),
+        ("test_polish.py",),
     ),
     Decision(
         "the closest of noisy points, not the one across",
@@ -186,7 +186,7 @@ DECISIONS = (
         "loop/polish.py",
         "NEAR = 5\n",
         "NEAR = 1\n",
-        ("test_invariance.py", "test_result.py", "test_polish.py"),
+        ("test_polish.py",),
     ),
     Decision(
         "far matches weigh as much in the last steps",
@@ -194,7 +194,7 @@ DECISIONS = (
         "loop/polish.py",
         "share[some] = (1.0 - np.minimum(off / (CUT * scale), 1.0) ** 2) ** 2",
         "share[some] = 1.0 * np.isfinite(off)",
-        ("test_invariance.py", "test_result.py", "test_polish.py"),
+        ("test_polish.py",),
     ),
     Decision(
         "differing normals count in the last steps",
@@ -202,7 +202,7 @@ DECISIONS = (
         "kernels/polish.py",
         "differ = 1.0 - square > beyond * apart",
         "differ = False",
-        ("test_invariance.py", "test_result.py", "test_polish.py"),
+        ("test_polish.py",),
     ),
     Decision(
         "the last steps follow what they do not know",
@@ -210,6 +210,6 @@ DECISIONS = (
         "loop/polish.py",
         "or len(step.degenerate) > most:",
         "or False:",
-        ("test_robust.py", "test_degeneracy.py", "test_polish.py"),
+        ("test_polish.py",),
     ),
 )

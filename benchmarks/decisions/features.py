@@ -7,7 +7,7 @@ from decisions import Decision
 PLANES = ("search/test_plane_hypotheses.py",)
 CORRELATION = ("search/test_correlation.py", *PLANES)
 ROTATIONS = ("search/test_orientations.py",)
-FEATURES = ("search/test_hypotheses.py", "search/test_features.py")
+FEATURES = ("search/test_features.py", "search/test_hypotheses.py")
 EVERYWHERE = ("search/test_everywhere.py",)
 
 DECISIONS = (

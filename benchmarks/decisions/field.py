@@ -4,8 +4,8 @@ from __future__ import annotations
 
 from decisions import Decision
 
-GENERAL = ("test_markov_field.py", "test_prior.py")
-VISIBLE = ("test_robust.py", "search/test_visible_match.py")
+GENERAL = ("test_presets.py", "test_markov_field.py", "test_prior.py")
+VISIBLE = ("search/test_visible_match.py", "test_robust.py")
 
 DECISIONS = (
     Decision(
@@ -14,7 +14,7 @@ DECISIONS = (
         "presets.py",
         "FIELD = MarkovField(beta=0.5,",
         "FIELD = MarkovField(beta=0.0,",
-        ("test_presets.py", "test_parts.py", "test_robust.py"),
+        ("test_presets.py",),
     ),
     Decision(
         "the default's inliers are Gaussian",
@@ -22,7 +22,7 @@ DECISIONS = (
         "field/general.py",
         '= ("half-normal", "uniform")',
         '= ("gaussian", "uniform")',
-        ("test_presets.py", *GENERAL),
+        GENERAL,
     ),
     Decision(
         "nine tenths start inside",
@@ -30,7 +30,7 @@ DECISIONS = (
         "field/general.py",
         "    initial: float = 0.5\n    first_steps",
         "    initial: float = 0.9\n    first_steps",
-        ("test_presets.py", *GENERAL),
+        GENERAL,
     ),
     Decision(
         "points that were looked through may start as inliers",
@@ -174,7 +174,7 @@ DECISIONS = (
         "search/visible_match.py",
         "return np.asarray(log_odds[near.tell(matches.distance, matches.index, normals)])",
         "return 0.0 * np.asarray(log_odds[near.tell(matches.distance, matches.index, normals)])",
-        ("search/test_visible_match.py", "test_rim.py"),
+        ("search/test_visible_match.py",),
     ),
     Decision(
         "labels ask the source's normals as they were given",
@@ -182,7 +182,7 @@ DECISIONS = (
         "search/visible_match.py",
         "normals = surface.normals @ source.transformation[:3, :3].T",
         "normals = surface.normals",
-        ("search/test_visible_match.py", "test_rim.py"),
+        ("search/test_visible_match.py",),
     ),
     Decision(
         "the target's view is not asked",
@@ -198,6 +198,6 @@ DECISIONS = (
         "search/coarse_to_fine.py",
         "z=self.loop.labels.z[rows])",
         "z=self.loop.labels.z[0 * rows])",
-        ("test_robust.py", "test_result.py"),
+        ("test_presets.py", "test_robust.py"),
     ),
 )

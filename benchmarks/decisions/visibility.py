@@ -5,7 +5,7 @@ from __future__ import annotations
 from decisions import Decision
 
 SEEN = ("search/test_visibility.py", "test_robust.py")
-NEAR = ("search/test_near_surface.py", "search/test_visibility.py")
+NEAR = ("search/test_visibility.py", "search/test_near_surface.py")
 TOLD = ("search/test_confidence.py", "search/test_near_surface.py")
 
 DECISIONS = (
@@ -143,7 +143,7 @@ DECISIONS = (
         "search/visibility.py",
         "least_spread(points - points.mean(axis=0))) / self._size if agree",
         "least_spread(points - points.mean(axis=0))) if agree",
-        (*NEAR, "test_invariance.py"),
+        NEAR,
     ),
     Decision(
         "the widest spread is measured",
@@ -167,7 +167,7 @@ DECISIONS = (
         "search/confidence.py",
         "    held = HELD * math.log(_known(weakest) / ENOUGH)\n",
         "    held = 0.0\n",
-        (*TOLD, "test_robust.py"),
+        TOLD,
     ),
     Decision(
         "a plane on a plane may be believed",
@@ -175,7 +175,7 @@ DECISIONS = (
         "search/confidence.py",
         "most = SLIDES * (SLIDING + math.log(_known(weakest)))",
         "most = 50.0",
-        (*TOLD, "test_robust.py"),
+        TOLD,
     ),
     Decision(
         "how many ways what agrees faces is not weighed",

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import numpy as np
+
 from hmrf_icp import PointCloud, PreparedCloud, se3
 from hmrf_icp.clouds.overlap import overlap
 
