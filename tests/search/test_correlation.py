@@ -4,6 +4,7 @@ import numpy as np
 import pytest
 
 from hmrf_icp import se3
+from hmrf_icp.kernels.correlation import vertex
 from hmrf_icp.search.correlation import Correlator, Sampled, empty_cells, rarity
 
 CELLS = 32
@@ -129,3 +130,38 @@ def test_a_sheet_does_not_agree_with_its_back(axis):
     (same,) = Correlator(front, front, CELLS).peaks(np.eye(3), 1)[1]
     other = Correlator(front, back, CELLS).peaks(np.eye(3), 1)[1]
     assert max(other, default=-np.inf) < same - 1.0
+
+
+def test_surfaces_that_cross_have_nothing_in_common_where_sides_are_not_known():
+    sheet = np.random.default_rng(0).uniform(-1.0, 1.0, (1500, 3)) * [1.0, 1.0, 0.0]
+    across = np.array([np.sqrt(2.0 / 3.0), 0.0, np.sqrt(1.0 / 3.0)])
+    one, other = (
+        cloud(sheet, np.tile(normal, (1500, 1)), None, False) for normal in ([0, 0, 1.0], across)
+    )
+    (same,) = Correlator(one, one, CELLS).peaks(np.eye(3), 1)[1]
+    crossing = Correlator(one, other, CELLS).peaks(np.eye(3), 1)[1]
+    assert max(crossing, default=-np.inf) < same - 2.0
+
+
+def parts():
+    """The corner, and what of it is on one side, five times."""
+    points, normals = corner()
+    for way in np.random.default_rng(0).normal(size=(5, 3)):
+        some = points @ way < 0.3
+        yield cloud(points[some], normals[some]), cloud(points, normals)
+
+
+def test_a_parabola_tells_where_between_cells_a_peak_is():
+    assert vertex(1.0, 3.0, 1.0) == 0.0
+    for at in (-0.4, 0.1, 0.3):
+        before, here, after = (5.0 - 2.0 * (x - at) ** 2 for x in (-1.0, 0.0, 1.0))
+        assert vertex(before, here, after) == pytest.approx(at)
+    assert abs(vertex(3.0, 3.0, 1.0)) <= 0.5
+
+
+def test_of_a_peak_the_highest_cell_alone_counts():
+    part, whole = next(parts())
+    correlator = Correlator(part, whole, CELLS)
+    shifts, _ = correlator.peaks(np.eye(3), 8)
+    apart = np.abs(shifts[:, None] - shifts[None]).max(axis=2)[np.triu_indices(len(shifts), 1)]
+    assert apart.min() > 1.0 * correlator.cell

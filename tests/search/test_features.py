@@ -177,7 +177,9 @@ def test_a_sign_is_handed_on_round_a_bend():
     rng = np.random.default_rng(0)
     angle = np.linspace(0.0, 1.8 * np.pi, 120)
     ring = np.column_stack([np.cos(angle), np.sin(angle), np.zeros(120)])
-    points = np.concatenate([[*ring, 0.0, 0.0, z] for z in (0.0, 0.05, 0.1)] + [[[9.0, 0, 0]]] * 9)
+    points = np.concatenate(
+        [*(ring + np.array([0.0, 0.0, z]) for z in (0.0, 0.05, 0.1)), *[[[9.0, 0, 0]]] * 9]
+    )
     normals = np.concatenate([ring] * 3 + [[[1.0, 0.0, 0.0]]] * 9)
     facing = agreeing(points, normals * rng.choice([-1.0, 1.0], (len(points), 1)), 0.05)
     outward = (facing[:360] * normals[:360]).sum(axis=1)
