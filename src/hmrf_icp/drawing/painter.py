@@ -60,37 +60,42 @@ def paint(
     inside = (across >= 0) & (across < width) & (down >= 0) & (down < height)
     order = np.flatnonzero(inside)[np.argsort(points[inside, 2], kind="stable")]
 
-    # Which point a pixel shows: that of the highest rank, the nearest. Nothing is 0.
-    shown = np.zeros((height, width), dtype=np.int32)
-    rank = np.arange(1, len(order) + 1, dtype=np.int32)
     diameter = np.round(COVER * spacing[order] * width / span[0])
     diameter = np.clip(diameter, np.ceil(smallest), LARGEST).astype(np.int64)
+    # Which point a pixel shows: that of the highest rank, the nearest; 0 is none. With a margin,
+    # so that no disc reaches beyond.
+    margin = int(LARGEST) // 2 + 1
+    wide = width + 2 * margin
+    shown = np.zeros((height + 2 * margin) * wide, dtype=np.int32)
+    rank = np.arange(1, len(order) + 1, dtype=np.int32)
+    place = (down[order].astype(np.int64) + margin) * wide + across[order].astype(np.int64) + margin
     for one in np.unique(diameter):
         some = diameter == one
-        x, y = across[order[some]].astype(np.int64), down[order[some]].astype(np.int64)
-        for dx, dy in _disc(int(one)):
-            column, row = x + dx, y + dy
-            ok = (column >= 0) & (column < width) & (row >= 0) & (row < height)
-            np.maximum.at(shown, (row[ok], column[ok]), rank[some][ok])
-    return _averaged(shown, colours[order])
+        dx, dy = _disc(int(one))
+        disc = place[some, None] + (dy * wide + dx)
+        np.maximum.at(shown, disc.ravel(), np.repeat(rank[some], len(dx)))
+    inner = shown.reshape(-1, wide)[margin:-margin, margin:-margin]
+    return _averaged(inner, colours[order])
 
 
-def _disc(diameter: int) -> list[tuple[int, int]]:
-    """Offsets of the pixels of a disc from its middle."""
+def _disc(diameter: int) -> tuple[NDArray[np.int64], NDArray[np.int64]]:
+    """Offsets of the pixels of a disc from its middle, across and down."""
     steps = np.arange(diameter) - (diameter - 1) / 2.0
     dy, dx = np.nonzero(steps[:, None] ** 2 + steps**2 <= max(diameter / 2.0, 0.75) ** 2)
     middle = (diameter - 1) // 2
-    return list(zip((dx - middle).tolist(), (dy - middle).tolist(), strict=True))
+    return dx - middle, dy - middle
 
 
 def _averaged(shown: NDArray[np.int32], colours: Array) -> NDArray[np.uint8]:
     """Colours of the pixels, the mean over each square of painted ones."""
-    table = np.vstack([np.zeros((1, 4)), np.column_stack([colours, np.ones(len(colours))])])
-    height, width = shown.shape
-    painted = table[shown].reshape(
-        height // SMOOTHING, SMOOTHING, width // SMOOTHING, SMOOTHING, 4
-    )
-    mean = painted.mean(axis=(1, 3))
-    opaque = np.maximum(mean[..., 3:], 1e-9)
-    mean[..., :3] /= opaque  # painted colours are premultiplied: the ground is black of no weight
+    table = np.zeros((len(colours) + 1, 4), dtype=np.float32)
+    table[1:, :3], table[1:, 3] = colours, 1.0
+    height, width = (side // SMOOTHING for side in shown.shape)
+    mean = np.zeros((height, width, 4), dtype=np.float32)
+    for row in range(SMOOTHING):
+        for column in range(SMOOTHING):
+            mean += table[shown[row::SMOOTHING, column::SMOOTHING]]
+    # Only what is painted has a colour: the ground is black of no weight.
+    mean[..., :3] /= np.maximum(mean[..., 3:], 1.0)
+    mean[..., 3] /= SMOOTHING**2
     return np.asarray(np.round(255.0 * np.clip(mean, 0.0, 1.0)), dtype=np.uint8)

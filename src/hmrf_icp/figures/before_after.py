@@ -98,7 +98,7 @@ def before_after(
         if section is None:
             for panel in close:
                 panel.remove()
-    wide = 0.48 if section is None else 0.37
+    wide = 0.48 if section is None else 0.365
     panels = [ax.inset_axes((x, 0.02, wide, 0.885)) for x in (0.01, 0.025 + wide)]
     width, height = box_of(panels[0])
     limits = view.limits([start, pair.pose], width / max(height, 1.0))

@@ -30,7 +30,7 @@ from hmrf_icp.registration import between_frames
 from hmrf_icp.result import RegistrationResult
 from hmrf_icp.se3 import Array
 
-POINTS = 12_000
+POINTS = 20_000
 """About so many points of each cloud are drawn."""
 
 SMALLEST_SIDE, LARGEST_SIDE = 160, 4096
@@ -157,7 +157,8 @@ class RegistrationFilm:
         self._pair, self._result, self._shots, self._truth = pair, result, shots, truth
         self._lengths = lengths
         organised = pair.source.cloud.organised
-        self._screen = Screen(size, dark, organised, result, names, method, lengths)
+        candidates = any(shot.kind == "candidate" for shot in shots)
+        self._screen = Screen(size, dark, organised, candidates, result, names, method, lengths)
         self._view = view = View.of(pair, POINTS)
         width, height = self._screen.stage
         poses = [shot.pose for shot in shots if shot.kind != "candidate"]
@@ -193,7 +194,9 @@ class RegistrationFilm:
         goal = self._result.transformation if self._truth is None else self._truth
         metres, radians = se3.error(given, goal)
         far = f"{self._lengths.text(metres)}, {math.degrees(radians):.2f} deg"
-        return f"error {far}" if self._truth is not None else f"to the result {far}"
+        if self._truth is not None:
+            return f"error {far}"
+        return "" if pose is self._shots[-1].pose else f"to the result {far}"
 
     def _map(self, shot: Shot) -> NDArray[Any]:
         """Image (H, W, 4) of the labels, clear where unobserved."""

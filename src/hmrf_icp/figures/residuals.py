@@ -148,7 +148,9 @@ def _draw(
     ):
         label = f"{share:.0%} {kind}, {component.name}"
         density = share * np.exp(component.log_density(points)) * per
-        axes.plot(points, density, color=tint, linewidth=2.4, linestyle=line, label=label)
+        # An edge of ink: light colours are seen on a light ground, and dark ones on a dark.
+        axes.plot(points, density, color=colour, linewidth=2.8, linestyle=line)
+        axes.plot(points, density, color=tint, linewidth=2.0, linestyle=line, label=label)
     odds = fitted.log_odds(points) > 0.0
     for i in np.flatnonzero(odds[:-1] != odds[1:]):
         axes.axvline(float(points[i]), color=colour, linewidth=0.8, linestyle="--")

@@ -35,6 +35,8 @@ class Screen:
         Whether on a dark ground.
     organised
         Whether there is a field to show as an image.
+    candidates
+        Whether candidates are shown, whose points have no labels.
     result, names, method, lengths
         What the words are about.
     """
@@ -44,6 +46,7 @@ class Screen:
         size: tuple[int, int],
         dark: bool,
         organised: bool,
+        candidates: bool,
         result: RegistrationResult,
         names: Names | None,
         method: str | None,
@@ -69,7 +72,7 @@ class Screen:
         self._words(0.012, 0.985, headline("Registration", names, method), "bold")
         self._title = self._words(COLUMN, 0.90, "", "bold", 1.2)
         self._text = self._words(COLUMN, 0.83, "", linespacing=1.5)
-        self._colours(0.535 if organised else 0.30, organised)
+        self._colours(0.495 if organised else 0.30, candidates)
         self._line = self._axes((0.03, 0.025, 0.94, 0.06))
         self._cursor: Any = None
         self._banner: list[Any] = []
@@ -136,7 +139,7 @@ class Screen:
                 f"step {self._lengths.text(iteration.step_translation)}, "
                 f"{math.degrees(iteration.step_rotation):.2f} deg"
             )
-        lines.append(far)
+        lines += [far] if far else []
         if shot.kind == "result":
             lines.append(
                 f"overlap {result.overlap:.0%}, RMSE {self._lengths.text(result.inlier_rmse)}"
@@ -227,7 +230,7 @@ class Screen:
             **more,
         )
 
-    def _colours(self, y: float, organised: bool) -> None:
+    def _colours(self, y: float, candidates: bool) -> None:
         """Say what the colours mean."""
         from matplotlib.lines import Line2D
 
@@ -236,13 +239,15 @@ class Screen:
             (palette.INLIER, "source, inlier"),
             (palette.OUTLIER, "source, outlier"),
         ]
+        if candidates:
+            entries.append((palette.SOURCE, "source, a candidate"))
         self._figure.legend(
             handles=[
                 Line2D([], [], marker="o", linestyle="", color=colour, label=label)
                 for colour, label in entries
             ],
             loc="lower left",
-            bbox_to_anchor=(COLUMN - 0.01, y - 0.05 if organised else y),
+            bbox_to_anchor=(COLUMN - 0.01, y),
             ncols=1,
             frameon=False,
             labelcolor=self._ink,
