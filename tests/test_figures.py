@@ -11,8 +11,8 @@ from PIL import Image
 import hmrf_icp
 from hmrf_icp import se3
 from hmrf_icp.clouds.cloud import PointCloud
+from hmrf_icp.drawing.oblique import Patches, bounds, viewing_frame
 from hmrf_icp.errors import InputError
-from hmrf_icp.figures.oblique import Patches, bounds, viewing_frame
 from hmrf_icp.figures.registration import InlierField, field_before_first_step, registration_figure
 from hmrf_icp.synthetic.render import render, sensor_noise
 from hmrf_icp.synthetic.scenes import CAMERA, desk, trajectory

@@ -3,7 +3,7 @@
 Every function takes a result and, if need be, axes of matplotlib's to draw in, and returns the
 axes. The title says how far the result is to be believed; one that is not has a hatched banner
 and a frame in the colour of what cannot be. A colour means one thing in all of them
-(:data:`colours`).
+(:data:`MEANINGS`).
 
 Examples
 --------
@@ -21,7 +21,7 @@ True
 
 from __future__ import annotations
 
-from hmrf_icp.drawing.palette import NAMES as colours
+from hmrf_icp.drawing.palette import MEANINGS
 from hmrf_icp.figures.before_after import before_after
 from hmrf_icp.figures.convergence import convergence
 from hmrf_icp.figures.deviation import Deviations, deviation, deviations
@@ -32,11 +32,11 @@ from hmrf_icp.figures.residuals import residual_figure, residuals
 from hmrf_icp.figures.states import Recording
 
 __all__ = [
+    "MEANINGS",
     "Deviations",
     "Recording",
     "animate",
     "before_after",
-    "colours",
     "convergence",
     "deviation",
     "deviations",

@@ -197,8 +197,7 @@ class RegistrationResult:
             f"Registration: {self.verdict}",
             *([] if self.advice is None else [f"  {self.advice}"]),
             f"  {self._numbers()}",
-            f"  motion {se3.translation_norm(motion):.4g} m, "
-            f"{_degrees(motion):.4g} deg",
+            f"  motion {se3.translation_norm(motion):.4g} m, {_degrees(motion):.4g} deg",
             *(f"  free: {free}" for free in self.degenerate),
         ]
         return "\n".join(lines)
@@ -207,7 +206,11 @@ class RegistrationResult:
         """Summary for a notebook, with a small picture where the clouds are still there."""
         from hmrf_icp.drawing.card import card, picture
 
-        held, clouds, motion = self.correspondences, self.correspondences.clouds, self.transformation
+        held, clouds, motion = (
+            self.correspondences,
+            self.correspondences.clouds,
+            self.transformation,
+        )
         image = None
         if clouds is not None and held.pose is not None:
             source, target = (one.cloud for one in clouds)

@@ -43,7 +43,7 @@ UNSIGNED, SIGNED = "viridis", "cividis"
 """Colour maps of distances, and of deviations to both sides (dark below, light above): lightness
 rises from end to end in either."""
 
-NAMES = {
+MEANINGS = {
     "source": SOURCE,
     "target": TARGET,
     "inlier": INLIER,

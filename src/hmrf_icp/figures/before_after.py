@@ -5,7 +5,7 @@ from __future__ import annotations
 from typing import TYPE_CHECKING
 
 import numpy as np
-from numpy.typing import ArrayLike
+from numpy.typing import ArrayLike, NDArray
 
 from hmrf_icp import se3
 from hmrf_icp.clouds.cloud import PointCloudLike
@@ -83,7 +83,7 @@ def before_after(
     """
     pair, lengths = Pair.of(result, source, target), Lengths(unit)
     start = pair.between(se3.as_rigid(init))
-    ax = axes_or_new(ax, 9.5, 4.6)
+    ax = axes_or_new(ax, 9.5, 4.6, (0.1, 0.35, 0.95))
     ax.set_axis_off()
     view = View.of(pair)
 
@@ -115,7 +115,13 @@ def before_after(
             entries.append(
                 (palette.VIOLATED, f"source where the target saw nothing ({violated.mean():.1%})")
             )
-        show(panel, [staying, (moving, lit(moving, colours, view.frame))], view.frame, limits, lengths)
+        show(
+            panel,
+            [staying, (moving, lit(moving, colours, view.frame))],
+            view.frame,
+            limits,
+            lengths,
+        )
         panel.set_title(words, loc="left", fontsize=9.5, fontweight="bold", color=ink(ax), pad=3.0)
     if result.degenerate:
         _draw_free(panels[1], result, pair, view.frame, limits)
@@ -129,7 +135,7 @@ def before_after(
     return ax
 
 
-def contradicting(pair: Pair) -> Array | None:
+def contradicting(pair: Pair) -> NDArray[np.bool_] | None:
     """(M,) Which source points stand in space that the target's sensor saw to be empty.
 
     None where nobody knows where the sensor stood.
@@ -150,7 +156,9 @@ def _motion(pair: Pair, start: Array) -> float:
     return float(np.percentile(np.linalg.norm(gap, axis=1), 90.0))
 
 
-def _draw_free(ax: Axes, result: RegistrationResult, pair: Pair, frame: Array, limits: Array) -> None:
+def _draw_free(
+    ax: Axes, result: RegistrationResult, pair: Pair, frame: Array, limits: Array
+) -> None:
     """Draw an arrow both ways along each direction, or axis, that is free."""
     middle = (result.centre - pair.target.origin) @ frame[:2].T
     reach = 0.25 * float((limits[:, 1] - limits[:, 0]).min())

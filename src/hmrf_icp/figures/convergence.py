@@ -7,7 +7,7 @@ from typing import TYPE_CHECKING
 from hmrf_icp.drawing import palette
 from hmrf_icp.errors import InputError
 from hmrf_icp.figures.style import Lengths, Names, axes_or_new, entitled, ink, inked
-from hmrf_icp.result import RegistrationResult
+from hmrf_icp.result import RegistrationResult, count
 
 if TYPE_CHECKING:
     from matplotlib.axes import Axes
@@ -53,6 +53,8 @@ def convergence(
     InputError
         The result has no iterations.
     """
+    from matplotlib.ticker import MaxNLocator
+
     if not result.history:
         raise InputError("result: there are no iterations to draw, its history is empty")
     lengths = Lengths(unit)
@@ -87,14 +89,14 @@ def convergence(
     ax.set_yscale("log")
     ax.set_xlabel("iteration")
     ax.set_ylabel(name)
-    ax.xaxis.get_major_locator().set_params(integer=True)
+    ax.xaxis.set_major_locator(MaxNLocator(integer=True))
     ax.spines["top"].set_visible(False)
     _share(ax, steps, [one.inlier_share for one in history])
     low, high = ax.get_ylim()
     ax.set_ylim(low * (low / high) ** 0.35, high)  # room for the legend
     ax.legend(frameon=False, fontsize=7.5, labelcolor=colour, loc="lower left", ncols=2)
-    state = "converged" if result.converged else "not converged"
-    entitled(ax, result, f"Convergence: {state} after {len(history)}", names, method, title)
+    state = "Converged" if result.converged else "Not converged"
+    entitled(ax, result, f"{state} after {count(len(history), 'iteration')}", names, method, title)
     return ax
 
 

@@ -26,11 +26,15 @@ if TYPE_CHECKING:
     from matplotlib.axes import Axes
 
 BESIDE = 1.5
-"""Spacings of the model that a point may be beside its closest point, along the surface: at the
-border it is beyond the surface then, and elsewhere the distance itself is its deviation."""
+"""Spacings of the target that a point may be beside its closest point, along the surface."""
 
-SHOWN = 98.0
-"""Percentile of the deviations that the colours reach to."""
+LEANING = 0.25
+"""The same as a share of its distance: normals that are fitted lean a little. What is farther
+beside has no surface across from it: it is past a border or an edge of the target."""
+
+SHOWN = 90.0
+"""Percentile of the deviations that the colours reach to, or twice the tolerance: parts that the
+target did not see may lie far from all that it saw, and would take up the whole scale."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -74,12 +78,13 @@ def deviations(
     target: PreparedCloud | PointCloudLike | None = None,
     *,
     tolerance: float | None = None,
+    reach: float | None = None,
 ) -> Deviations:
     """Measure how far the source, where it ended, is from the surface of the target.
 
     Along the normal of the closest target point: the normals that the target came with, or
-    those towards its sensor. Without either the deviations have no sign. A source point beyond
-    the border of the target's surface is compared with nothing.
+    those towards its sensor. Without either the deviations have no sign. A source point that has
+    no surface of the target across from it, past its border, is compared with nothing.
 
     Parameters
     ----------
@@ -88,11 +93,14 @@ def deviations(
     tolerance
         What counts as no deviation, in the unit of the clouds; None chooses four standard
         deviations of the noise of both clouds together.
+    reach
+        Deviation from which a point is of another surface, one that the target does not have,
+        and is compared with nothing; None for no limit. Views that share only a part want one.
 
     Raises
     ------
     InputError
-        The tolerance is not positive, or the clouds are missing or others.
+        The tolerance or the reach is not positive, or the clouds are missing or others.
 
     Examples
     --------
@@ -106,12 +114,13 @@ def deviations(
     >>> found.values.shape, found.share_within
     ((3000,), 1.0)
     """
-    if tolerance is not None and not (math.isfinite(tolerance) and tolerance > 0.0):
-        raise InputError(f"tolerance: expected a positive length, got {tolerance}")
-    return _deviations(Pair.of(result, source, target), tolerance)
+    for name, length in (("tolerance", tolerance), ("reach", reach)):
+        if length is not None and not (math.isfinite(length) and length > 0.0):
+            raise InputError(f"{name}: expected a positive length, got {length}")
+    return _deviations(Pair.of(result, source, target), tolerance, reach)
 
 
-def _deviations(pair: Pair, tolerance: float | None) -> Deviations:
+def _deviations(pair: Pair, tolerance: float | None, reach: float | None) -> Deviations:
     surface, given = pair.target.surface, pair.target.cloud.normals
     points = se3.transform(pair.pose, pair.source.points)
     distance, near = pair.target.tree.query(np.ascontiguousarray(points))
@@ -119,22 +128,19 @@ def _deviations(pair: Pair, tolerance: float | None) -> Deviations:
     normals, signed = surface.normals, surface.oriented
     if given is not None:
         normals, signed = _unit(given[pair.target.cloud.observed]), True
-    gap = points - surface.points[near]
-    along = (gap * normals[near]).sum(axis=1)
-    known = np.abs(normals[near]).sum(axis=1) > 0.0
+    along = ((points - surface.points[near]) * normals[near]).sum(axis=1)
+    value = along if signed else np.abs(along)
     beside = np.sqrt(np.maximum(distance**2 - along**2, 0.0))
-    spacing = np.sqrt(surface.area[near])
-    off = beside > BESIDE * spacing
-    value = np.where(known & ~off, along, np.where(along < 0.0, -distance, distance))
-    if not signed:
-        value = np.abs(value)
-    value[off & pair.target.border[near]] = np.nan
-    if tolerance is None:
-        noise = np.hypot(pair.source.surface.noise, surface.noise[near])[~np.isnan(value)]
-        least = np.finfo(float).tiny
-        tolerance_or = max(BAND * float(np.median(noise)), least) if noise.size else least
-        return Deviations(value, signed, tolerance_or, True)
-    return Deviations(value, signed, float(tolerance), False)
+    across = beside <= BESIDE * np.sqrt(surface.area[near]) + LEANING * np.abs(along)
+    across &= np.abs(normals[near]).sum(axis=1) > 0.0  # where there is no normal there is no side
+    if reach is not None:
+        across &= np.abs(along) <= reach
+    value = np.where(across, value, np.nan)
+    if tolerance is not None:
+        return Deviations(value, signed, float(tolerance), False)
+    noise = np.hypot(pair.source.surface.noise, surface.noise[near])[across]
+    chosen = BAND * float(np.median(noise)) if noise.size else 0.0
+    return Deviations(value, signed, max(chosen, float(np.finfo(float).tiny)), True)
 
 
 def deviation(
@@ -144,6 +150,7 @@ def deviation(
     ax: Axes | None = None,
     *,
     tolerance: float | None = None,
+    reach: float | None = None,
     names: Names | None = None,
     method: str | None = None,
     unit: str | None = "m",
@@ -160,7 +167,7 @@ def deviation(
         As for :func:`hmrf_icp.plot.before_after`.
     ax
         Axes to draw in; None for a new figure of pyplot's.
-    tolerance
+    tolerance, reach
         As for :func:`deviations`, which has the numbers.
 
     Returns
@@ -172,10 +179,10 @@ def deviation(
     InputError
         As :func:`deviations`.
     """
-    found = deviations(result, source, target, tolerance=tolerance)
+    found = deviations(result, source, target, tolerance=tolerance, reach=reach)
     pair, lengths = Pair.of(result, source, target), Lengths(unit)
     factor, name = lengths.short
-    ax = axes_or_new(ax, 6.8, 5.2)
+    ax = axes_or_new(ax, 6.4, 5.6, (0.1, 0.9, 0.95))
     scale = _scale(found, factor)
     view = View.of(pair)
     width, height = box_of(ax)
@@ -187,10 +194,12 @@ def deviation(
     kind = "deviation from the target" if found.signed else "distance from the target"
     bar = colour_bar(ax, scale, f"{kind}, {name}", extend="both" if found.signed else "max")
     for edge in (-found.tolerance, found.tolerance) if found.signed else (found.tolerance,):
-        bar.ax.axvline(factor * edge, color=ink(ax), linewidth=1.4, ymin=-0.4, ymax=1.4, clip_on=False)
+        bar.ax.axvline(
+            factor * edge, color=ink(ax), linewidth=1.4, ymin=-0.4, ymax=1.4, clip_on=False
+        )
     if not found.compared.all():
-        legend(ax, [(palette.OUTLIER, f"nothing to compare with ({np.mean(~found.compared):.0%})")])
-        ax.get_legend().set_bbox_to_anchor((0.5, -0.15))
+        words = f"nothing to compare with ({np.mean(~found.compared):.0%})"
+        legend(ax, [(palette.OUTLIER, words)], below=-0.15)
     entitled(ax, result, _words(found, lengths), names, method, title)
     return ax
 
@@ -200,9 +209,7 @@ def _words(found: Deviations, lengths: Lengths) -> str:
     if not found.compared.any():
         return "Deviation: nothing to compare"
     whence = ", from the noise" if found.chosen else ""
-    return (
-        f"Deviation: {found.share_within:.1%} within {lengths.text(found.tolerance)}{whence}"
-    )
+    return f"Deviation: {found.share_within:.1%} within {lengths.text(found.tolerance)}{whence}"
 
 
 def _scale(found: Deviations, factor: float) -> Any:
@@ -213,7 +220,7 @@ def _scale(found: Deviations, factor: float) -> Any:
 
     sizes = np.abs(found.values[found.compared])
     most = float(np.percentile(sizes, SHOWN)) if sizes.size else 0.0
-    most = factor * max(most, 1.5 * found.tolerance)
+    most = factor * max(most, 2.0 * found.tolerance)
     low = -most if found.signed else 0.0
     cmap = colormaps[palette.SIGNED if found.signed else palette.UNSIGNED]
     return ScalarMappable(Normalize(low, most), cmap)
@@ -223,4 +230,4 @@ def _unit(vectors: Array) -> Array:
     """Vectors (M, 3) of length one; zero where there is none."""
     length = np.linalg.norm(vectors, axis=1, keepdims=True)
     with np.errstate(invalid="ignore", divide="ignore"):
-        return np.nan_to_num(vectors / length, posinf=0.0, neginf=0.0)
+        return np.asarray(np.nan_to_num(vectors / length, posinf=0.0, neginf=0.0))

@@ -14,7 +14,7 @@ from hmrf_icp.errors import InputError, MissingDependencyError
 
 SUFFIXES = (".gif", ".mp4")
 
-COLOURS = 255
+COLOURS = 128
 """Of a GIF, the same for all of its pictures: what stays does not flicker."""
 
 SAMPLED = 12
@@ -112,7 +112,6 @@ def _write_gif(path: Path, film: Film, pictures: Iterator[NDArray[np.uint8]], fp
         append_images=others,
         duration=[int(time) for time in lasting],
         loop=0,
-        optimize=False,
     )
 
 

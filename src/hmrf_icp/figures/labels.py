@@ -2,13 +2,14 @@
 
 from __future__ import annotations
 
-from typing import TYPE_CHECKING, Any
+from typing import TYPE_CHECKING, Any, cast
 
 import numpy as np
 
 from hmrf_icp.clouds.cloud import PointCloudLike
 from hmrf_icp.clouds.prepared import PreparedCloud
 from hmrf_icp.drawing import palette
+from hmrf_icp.drawing.oblique import lit
 from hmrf_icp.errors import InputError
 from hmrf_icp.figures.pair import Pair
 from hmrf_icp.figures.style import Lengths, Names, axes_or_new, entitled, ink, inked
@@ -19,6 +20,7 @@ from hmrf_icp.se3 import Array
 if TYPE_CHECKING:
     from matplotlib.axes import Axes
     from matplotlib.cm import ScalarMappable
+    from matplotlib.colors import Normalize
 
 
 def labels(
@@ -51,14 +53,14 @@ def labels(
         The result holds no clouds and none are given, or is of others.
     """
     pair, lengths = Pair.of(result, source, target), Lengths(unit)
-    ax = axes_or_new(ax, 6.4, 4.8)
+    ax = axes_or_new(ax, 6.4, 5.4, (0.1, 0.65, 0.95))
     view = View.of(pair)
     moved = view.moving.moved(pair.pose)
     width, height = box_of(ax)
     limits = view.limits([pair.pose], width / max(height, 1.0), target=False)
     probability = result.correspondences.matched.probability
     colours = palette.between(probability[view.kept])
-    show(ax, [(moved, colours)], view.frame, limits, lengths)
+    show(ax, [(moved, lit(moved, colours, view.frame))], view.frame, limits, lengths)
     colour_bar(ax, label_scale(), "probability of being an inlier")
     entitled(ax, result, f"Inliers, {result.fitness:.0%} of the points", names, method, title)
     return ax
@@ -113,7 +115,7 @@ def image_of(ax: Axes, values: Array, scale: ScalarMappable) -> None:
     ax.imshow(
         np.ma.masked_invalid(values),
         cmap=scale.cmap,
-        norm=scale.norm,
+        norm=cast("Normalize", scale.norm),
         interpolation="nearest",
         aspect="equal",
     )

@@ -20,7 +20,7 @@ from hmrf_icp.figures.labels import colour_bar, field, image_of, label_scale, la
 from hmrf_icp.figures.residuals import residuals
 from hmrf_icp.figures.style import DPI, Names, own_figure
 from hmrf_icp.loop.placed import Placed
-from hmrf_icp.result import RegistrationResult
+from hmrf_icp.result import RegistrationResult, count
 from hmrf_icp.se3 import Array
 
 if TYPE_CHECKING:
@@ -157,7 +157,7 @@ def registration_figure(
     # The clouds that the result was made of know their surfaces already.
     held = result.correspondences.clouds or (source, target)
     above = figure.add_axes((0.015, 0.46, 0.97, 0.47 if result.believed else 0.44))
-    before_after(result, *held, above, init=start, names=names, method=method)
+    before_after(result, held[0], held[1], above, init=start, names=names, method=method)
     if source.organised and field is not None:
         _draw_field(figure, field)
     else:
@@ -189,21 +189,26 @@ def _draw_end(
     if source.organised:
         field(result, left, title=title)
     else:
-        labels(result, *held, left, title=title)
+        labels(result, held[0], held[1], left, title=title)
     middle = figure.add_axes((0.385, 0.09, 0.255, 0.29))
     residuals(result, middle, title="Distances at the end")
     if result.history:
         right = figure.add_axes((0.695, 0.09, 0.245, 0.29))
-        state = "converged" if result.converged else "not converged"
-        convergence(result, right, title=f"Iterations: {state} after {result.iterations}")
+        state = "Converged" if result.converged else "Not converged"
+        convergence(result, right, title=f"{state} after {count(result.iterations, 'iteration')}")
     for axes in figure.axes[2:]:
         axes.tick_params(labelsize=8)
-        axes.xaxis.label.set_size(8)
-        axes.yaxis.label.set_size(8)
+        axes.xaxis.label.set_fontsize(8)
+        axes.yaxis.label.set_fontsize(8)
 
 
 def _map(
-    axes: Axes, values: Array, scale: ScalarMappable, title: str, label: str, extend: str = "neither"
+    axes: Axes,
+    values: Array,
+    scale: ScalarMappable,
+    title: str,
+    label: str,
+    extend: str = "neither",
 ) -> None:
     """One image of the source, unobserved pixels hatched."""
     from hmrf_icp.figures.style import ink

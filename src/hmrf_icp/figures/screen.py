@@ -60,7 +60,7 @@ class Screen:
         self._result, self._lengths = result, lengths
         inches = size[0] / DPI, size[1] / DPI
         self._figure = Figure(figsize=inches, dpi=DPI, facecolor=ground)
-        self._canvas = FigureCanvasAgg(self._figure)
+        self._canvas: Any = FigureCanvasAgg(self._figure)
         # Letters as large as the picture permits, whichever side is short.
         self._letter = 10.5 * min(size[0] / 960.0, size[1] / 540.0)
         self.stage = int(STAGE[2] * size[0]), int(STAGE[3] * size[1])
@@ -92,7 +92,9 @@ class Screen:
         axes.set_xlim(-0.02 * end, 1.02 * end)
         axes.set_ylim(-1.0, 1.0)
         axes.plot([0.0, end], [0.0, 0.0], color=self._ink, linewidth=0.8, alpha=0.6)
-        axes.plot(places, np.zeros(len(places)), "|", color=self._ink, markersize=0.8 * self._letter)
+        axes.plot(
+            places, np.zeros(len(places)), "|", color=self._ink, markersize=0.8 * self._letter
+        )
         (self._cursor,) = axes.plot([0.0], [0.0], "o", markersize=0.8 * self._letter, zorder=5)
 
     def show(self, picture: NDArray[np.uint8]) -> None:
@@ -121,7 +123,9 @@ class Screen:
         title = {
             "start": "Start",
             "candidate": f"Candidate {shot.number} of {shot.of}",
-            "between": f"Iteration {shot.number} to {shot.number + 1}",
+            "between": f"Iteration {shot.number} to {shot.number + 1}"
+            if shot.number
+            else "Start to iteration 1",
             "iteration": f"Iteration {shot.number} of {shot.of}",
             "result": "Result",
         }[shot.kind]
@@ -129,7 +133,8 @@ class Screen:
         if shot.kind == "candidate":
             lines.append("tried, not kept")
         if shot.kind == "between":
-            lines.append("interpolated")
+            searched = not shot.number and result.confidence is not None
+            lines.append("the search; interpolated" if searched else "interpolated")
         if shot.kind == "result":
             lines += [result.verdict.split(", ")[0], *self._confidence()]
         elif shot.probability is not None:
@@ -157,7 +162,8 @@ class Screen:
     def pixels(self) -> NDArray[np.uint8]:
         """Return the picture (H, W, 3) as it is now."""
         self._canvas.draw()
-        return np.asarray(self._canvas.buffer_rgba())[..., :3].copy()
+        pixels: NDArray[np.uint8] = np.array(self._canvas.buffer_rgba(), dtype=np.uint8)[..., :3]
+        return pixels
 
     def _confidence(self) -> list[str]:
         confidence = self._result.confidence

@@ -6,6 +6,7 @@ from dataclasses import dataclass
 from typing import TYPE_CHECKING
 
 import numpy as np
+from numpy.typing import NDArray
 
 from hmrf_icp import se3
 from hmrf_icp.drawing import palette
@@ -62,7 +63,7 @@ class Section:
 
 
 def find_section(
-    pair: Pair, before: Array, inlier: Array, aspect: float = 1.5
+    pair: Pair, before: Array, inlier: NDArray[np.bool_], aspect: float = 1.5
 ) -> Section | None:
     """Find a slice that shows the motion from the pose ``before`` (4, 4) best.
 
@@ -102,7 +103,12 @@ def find_section(
         across /= np.linalg.norm(across)
         axes = np.stack([across, normal, np.cross(across, normal)])
         middle = se3.transform(pair.pose, surface.points[row][None])[0]
-        section = Section(middle, axes, high * np.array([max(aspect, 1.0), max(1.0 / aspect, 1.0)]), THICK * spacing)
+        section = Section(
+            middle,
+            axes,
+            high * np.array([max(aspect, 1.0), max(1.0 / aspect, 1.0)]),
+            THICK * spacing,
+        )
         few = min(len(section.points(moved)), len(section.points(pair.target.points)))
         if min(few, MARKED) > best[0]:
             best = min(few, MARKED), section

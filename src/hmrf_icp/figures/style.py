@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from dataclasses import dataclass
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, Any, cast
 
 import numpy as np
 
@@ -80,14 +80,33 @@ def own_figure(width: float, height: float) -> Figure:
     return figure
 
 
-def axes_or_new(ax: Axes | None, width: float, height: float) -> Axes:
-    """Return the axes given, or those of a new figure of pyplot's, inches."""
+def axes_or_new(
+    ax: Axes | None,
+    width: float,
+    height: float,
+    room: tuple[float, float, float] | None = None,
+) -> Axes:
+    """Return the axes given, or those of a new figure of pyplot's.
+
+    Parameters
+    ----------
+    ax
+        Axes, or None.
+    width, height
+        Of the new figure, inches.
+    room
+        Beside, below and above its axes, inches; None leaves it to matplotlib's layout, which
+        comes last: a picture that is painted to fit wants to know its place before.
+    """
     if ax is not None:
         return ax
     from matplotlib import pyplot
 
-    _, made = pyplot.subplots(figsize=(width, height), layout="constrained")
-    return made
+    if room is None:
+        return pyplot.subplots(figsize=(width, height), layout="constrained")[1]
+    beside, below, above = room
+    box = beside / width, below / height, 1 - 2 * beside / width, 1 - (below + above) / height
+    return pyplot.figure(figsize=(width, height)).add_axes(box)
 
 
 def ink(ax: Axes) -> str:
@@ -95,11 +114,11 @@ def ink(ax: Axes) -> str:
 
     In a figure without a ground the axes get none either.
     """
-    grounds = []
-    figure = ax.figure
-    while figure is not None:
+    figure: Any = ax.figure
+    grounds = [figure.get_facecolor()]
+    while figure.figure is not figure:  # a part of a figure
+        figure = figure.figure
         grounds.append(figure.get_facecolor())
-        figure = figure.figure if figure.figure is not figure else None
     if grounds[-1][3] == 0.0:
         ax.set_facecolor("none")
     for red, green, blue, alpha in (ax.get_facecolor(), *grounds):
@@ -199,7 +218,7 @@ def banner(ax: Axes, result: RegistrationResult) -> None:
         )
     )
     figure = ax.figure
-    above = figure.dpi_scale_trans + ScaledTranslation(0.0, 1.0, ax.transAxes)
+    above = figure.dpi_scale_trans + ScaledTranslation(0.0, 1.0, cast("Any", ax.transAxes))
     place = blended_transform_factory(ax.transAxes, above)
     low, high = 3.0 / 72.0, (3.0 + BANNER_HEIGHT) / 72.0
     ax.add_patch(
@@ -254,8 +273,8 @@ def scale_bar(ax: Axes, lengths: Lengths) -> None:
     )
 
 
-def legend(ax: Axes, entries: list[tuple[str, str]], columns: int | None = None) -> None:
-    """Put a legend of colours and their meaning under the axes."""
+def legend(ax: Axes, entries: list[tuple[str, str]], below: float = -0.01) -> None:
+    """Put a legend of colours and their meaning under the axes, in shares of their height."""
     from matplotlib.lines import Line2D
 
     handles = [
@@ -265,8 +284,8 @@ def legend(ax: Axes, entries: list[tuple[str, str]], columns: int | None = None)
     ax.legend(
         handles=handles,
         loc="upper center",
-        bbox_to_anchor=(0.5, -0.01),
-        ncols=columns or len(entries),
+        bbox_to_anchor=(0.5, below),
+        ncols=len(entries),
         frameon=False,
         fontsize=8.5,
         labelcolor=ink(ax),

@@ -4,9 +4,10 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from dataclasses import dataclass
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, Any
 
 import numpy as np
+from numpy.typing import NDArray
 
 from hmrf_icp.drawing.oblique import Patches, bounds, viewing_frame
 from hmrf_icp.drawing.painter import paint
@@ -40,8 +41,8 @@ class View:
 
     moving: Patches
     staying: Patches
-    kept: Array
-    stayed: Array
+    kept: NDArray[np.intp]
+    stayed: NDArray[np.intp]
     frame: Array
 
     @classmethod
@@ -54,7 +55,8 @@ class View:
             np.cumsum(cloud.observed.ravel())[flat] - 1
             for cloud, flat in ((source, kept), (target, stayed))
         ]
-        return cls(moving, staying, *rows, viewing_frame(source, target, pair.pose))
+        frame = viewing_frame(source, target, pair.pose)
+        return cls(moving, staying, rows[0], rows[1], frame)
 
     def limits(self, poses: Sequence[Array], aspect: float, target: bool = True) -> Array:
         """Find limits that hold the source under all of the poses, and the target."""
@@ -75,7 +77,9 @@ def show(
     width = max(int(FINER * box_of(ax)[0]), 160)
     span = limits[:, 1] - limits[:, 0]
     image = paint(layers, frame, limits, (width, max(int(width * span[1] / span[0]), 1)))
-    ax.imshow(image, extent=tuple(limits.ravel()), interpolation="antialiased", aspect="equal")
+    left, right, low, high = limits.ravel().tolist()
+    extent = left, right, low, high
+    ax.imshow(image, extent=extent, interpolation="antialiased", aspect="equal")
     ax.set_xticks([])
     ax.set_yticks([])
     inked(ax)
@@ -86,7 +90,7 @@ def show(
 
 def box_of(ax: Axes) -> tuple[float, float]:
     """Width and height of axes, pixels, as they are laid out now."""
-    locator = ax.get_axes_locator()
+    locator: Any = ax.get_axes_locator()
     box = ax.get_position() if locator is None else locator(ax, None)
     size = box.transformed(ax.figure.transSubfigure)
     return float(size.width), float(size.height)
