@@ -46,7 +46,7 @@ def animate(
             metavar="FILM",
             show_default=False,
             rich_help_panel=_FILM,
-            help="The film: .gif, or .mp4 (pip install 'hmrf-icp[film]').",
+            help="The film: .gif, or .mp4, which needs the extra 'film'.",
         ),
     ],
     fps: Annotated[
@@ -137,16 +137,16 @@ def animate(
         ),
     ] = None,
 ) -> None:
-    """Register SOURCE to TARGET, and write a film of how it went.
+    """Register SOURCE to TARGET, and film how it went.
 
     Example: hmrf-icp animate A.ply B.ply -o film.gif
 
-    The source moves into place while its points are told apart: inliers
-    green, outliers grey, the target orange. Each iteration is shown as it was;
-    what stands between two is interpolated, and says so.
+    The source moves into place while its inliers (green)
+    are told from its outliers (grey). Each iteration is
+    shown as it was; what is interpolated says so.
 
-    Exit status: 0 the pose is to be believed; 1 it is not (the film is written
-    all the same, and says so); 2 bad input.
+    Exit status: 0 the pose is to be believed; 1 it is not
+    (the film is written and says so); 2 bad input.
     """
     from hmrf_icp import plot
     from hmrf_icp.cli.progress import most_iterations, registration_bar, told_of_compiling

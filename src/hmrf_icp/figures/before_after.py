@@ -17,6 +17,7 @@ from hmrf_icp.figures.section import draw_section, find_section
 from hmrf_icp.figures.style import (
     Lengths,
     Names,
+    above,
     axes_or_new,
     entitled,
     ink,
@@ -83,7 +84,7 @@ def before_after(
     """
     pair, lengths = Pair.of(result, source, target), Lengths(unit)
     start = pair.between(se3.as_rigid(init))
-    ax = axes_or_new(ax, 9.5, 4.6, (0.1, 0.35, 0.95))
+    ax = axes_or_new(ax, 9.5, 4.6, (0.1, 0.35, above(result)))
     ax.set_axis_off()
     view = View.of(pair)
 

@@ -17,7 +17,7 @@ from hmrf_icp.drawing import palette
 from hmrf_icp.errors import InputError
 from hmrf_icp.figures.labels import colour_bar
 from hmrf_icp.figures.pair import Pair
-from hmrf_icp.figures.style import Lengths, Names, axes_or_new, entitled, ink, legend
+from hmrf_icp.figures.style import Lengths, Names, above, axes_or_new, entitled, ink, legend
 from hmrf_icp.figures.view import View, box_of, show
 from hmrf_icp.result import RegistrationResult
 from hmrf_icp.se3 import Array
@@ -182,7 +182,7 @@ def deviation(
     found = deviations(result, source, target, tolerance=tolerance, reach=reach)
     pair, lengths = Pair.of(result, source, target), Lengths(unit)
     factor, name = lengths.short
-    ax = axes_or_new(ax, 6.4, 5.6, (0.1, 0.9, 0.95))
+    ax = axes_or_new(ax, 6.4, 5.6, (0.1, 0.9, above(result)))
     scale = _scale(found, factor)
     view = View.of(pair)
     width, height = box_of(ax)
@@ -216,13 +216,16 @@ def _scale(found: Deviations, factor: float) -> Any:
     """Colours up to nearly the largest deviation, and beyond the tolerance in any case."""
     from matplotlib import colormaps
     from matplotlib.cm import ScalarMappable
-    from matplotlib.colors import Normalize
+    from matplotlib.colors import ListedColormap, Normalize
 
     sizes = np.abs(found.values[found.compared])
     most = float(np.percentile(sizes, SHOWN)) if sizes.size else 0.0
     most = factor * max(most, 2.0 * found.tolerance)
     low = -most if found.signed else 0.0
-    cmap = colormaps[palette.SIGNED if found.signed else palette.UNSIGNED]
+    if not found.signed:
+        return ScalarMappable(Normalize(low, most), colormaps[palette.UNSIGNED])
+    # Its ends are lost on a black ground and on a white one.
+    cmap = ListedColormap(colormaps[palette.SIGNED](np.linspace(0.08, 0.92, 256)))
     return ScalarMappable(Normalize(low, most), cmap)
 
 

@@ -12,7 +12,7 @@ from hmrf_icp.drawing import palette
 from hmrf_icp.drawing.oblique import lit
 from hmrf_icp.errors import InputError
 from hmrf_icp.figures.pair import Pair
-from hmrf_icp.figures.style import Lengths, Names, axes_or_new, entitled, ink, inked
+from hmrf_icp.figures.style import Lengths, Names, above, axes_or_new, entitled, ink, inked
 from hmrf_icp.figures.view import View, box_of, show
 from hmrf_icp.result import RegistrationResult
 from hmrf_icp.se3 import Array
@@ -53,7 +53,7 @@ def labels(
         The result holds no clouds and none are given, or is of others.
     """
     pair, lengths = Pair.of(result, source, target), Lengths(unit)
-    ax = axes_or_new(ax, 6.4, 5.4, (0.1, 0.65, 0.95))
+    ax = axes_or_new(ax, 6.4, 5.4, (0.1, 0.65, above(result)))
     view = View.of(pair)
     moved = view.moving.moved(pair.pose)
     width, height = box_of(ax)

@@ -17,7 +17,7 @@ from hmrf_icp.se3 import Array
 
 DPI = 100
 
-STAGE = (0.01, 0.12, 0.66, 0.79)
+STAGE = (0.01, 0.12, 0.66, 0.775)
 """Where the clouds are: left, bottom, width, height."""
 
 COLUMN = 0.69
@@ -182,11 +182,11 @@ class Screen:
                 "edgecolor": palette.VIOLATED,
                 "zorder": 20,
             }
-            high = 0.09
+            low, high = bottom + height + 0.006, 0.042
             self._banner = [
                 Rectangle((left, bottom), width, height, fill=False, linewidth=3.0, **common),
                 Rectangle(
-                    (left, bottom + height - high),
+                    (left, low),
                     width,
                     high,
                     facecolor=self._figure.get_facecolor(),
@@ -199,15 +199,15 @@ class Screen:
             self._banner.append(
                 self._figure.text(
                     left + width / 2.0,
-                    bottom + height - high / 2.0,
+                    low + high / 2.0,
                     warning(self._result),
                     ha="center",
-                    va="center",
-                    fontsize=self._letter,
+                    va="center_baseline",
+                    fontsize=0.9 * self._letter,
                     fontweight="bold",
                     color="white",
                     zorder=21,
-                    bbox={"facecolor": palette.VIOLATED, "edgecolor": "none", "pad": 3.0},
+                    bbox={"facecolor": palette.VIOLATED, "edgecolor": "none", "pad": 1.5},
                 )
             )
 

@@ -80,6 +80,11 @@ def own_figure(width: float, height: float) -> Figure:
     return figure
 
 
+def above(result: RegistrationResult) -> float:
+    """Room that the title wants, and the banner where there is one, inches."""
+    return 0.6 if result.believed else 0.65 + BANNER_HEIGHT / 72.0
+
+
 def axes_or_new(
     ax: Axes | None,
     width: float,
@@ -104,8 +109,8 @@ def axes_or_new(
 
     if room is None:
         return pyplot.subplots(figsize=(width, height), layout="constrained")[1]
-    beside, below, above = room
-    box = beside / width, below / height, 1 - 2 * beside / width, 1 - (below + above) / height
+    beside, below, over = room
+    box = beside / width, below / height, 1 - 2 * beside / width, 1 - (below + over) / height
     return pyplot.figure(figsize=(width, height)).add_axes(box)
 
 
