@@ -33,6 +33,9 @@ if TYPE_CHECKING:
 SMALL = 0.06
 """Motion, as a share of the picture's width, below which a close-up is shown as well."""
 
+CLOSE = 0.15
+"""Half the height of a close-up, as a share of the picture's width, at the most."""
+
 CONTRADICTING = 0.002
 """Share of the points in space that was seen to be empty from which they are in the legend."""
 
@@ -95,7 +98,8 @@ def before_after(
     section = None
     if small:
         width, height = box_of(close[0])
-        section = find_section(pair, start, inlier, width / max(height, 1.0))
+        most = CLOSE * float(limits[0, 1] - limits[0, 0])
+        section = find_section(pair, start, inlier, width / max(height, 1.0), most)
         if section is None:
             for panel in close:
                 panel.remove()

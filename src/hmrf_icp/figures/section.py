@@ -63,7 +63,7 @@ class Section:
 
 
 def find_section(
-    pair: Pair, before: Array, inlier: NDArray[np.bool_], aspect: float = 1.5
+    pair: Pair, before: Array, inlier: NDArray[np.bool_], aspect: float, most: float
 ) -> Section | None:
     """Find a slice that shows the motion from the pose ``before`` (4, 4) best.
 
@@ -80,6 +80,8 @@ def find_section(
         (M,) which of the source's observed points have a counterpart.
     aspect
         Width over height.
+    most
+        Half its height at the most, metres.
     """
     surface, spacing = pair.source.surface, max(pair.source.surface.spacing, 1e-300)
     spacing = max(spacing, pair.target.surface.spacing)
@@ -94,7 +96,7 @@ def find_section(
     far = float(np.percentile(along, 90.0))
     likely = rows[along >= np.percentile(along, 60.0)]
     likely = likely[np.linspace(0, len(likely) - 1, min(EXAMINED, len(likely))).astype(np.intp)]
-    high = max(MOTIONS * far, SPACINGS * spacing)
+    high = min(max(MOTIONS * far, SPACINGS * spacing), most)
     moved = se3.transform(pair.pose, pair.source.points)
     best: tuple[int, Section | None] = (0, None)
     for row in likely:
