@@ -33,7 +33,7 @@ At 40 % of overlap most pairs of views of this room are too much for the method
 as published. This one is not: it was chosen so.
 """
 
-NAMES = "desk, source", "desk, target"
+NAMES = "desk A", "desk B"
 """What the two are called on the picture."""
 
 START_ANGLE = 6.0

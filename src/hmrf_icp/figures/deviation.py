@@ -199,7 +199,7 @@ def deviation(
         )
     if not found.compared.all():
         words = f"nothing to compare with ({np.mean(~found.compared):.0%})"
-        legend(ax, [(palette.OUTLIER, words)], below=-0.15)
+        legend(ax, [(palette.OUTLIER, words)], below=-0.17)
     entitled(ax, result, _words(found, lengths), names, method, title)
     return ax
 
