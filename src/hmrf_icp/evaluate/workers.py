@@ -303,7 +303,9 @@ def outcomes(
 ) -> Iterator[tuple[T, R | Lost]]:
     """Yield tasks with what the function made of them, in the order in which they are done.
 
-    Those done together come in the order of the tasks. Where workers die, their tasks are done again: alone, one after the other,
+    Those done together come in the order of the tasks.
+
+    Where workers die, their tasks are done again: alone, one after the other,
     if it is not known who was at fault; in pieces, if it is. A piece that kills the worker
     again is :class:`Lost`. A task that was split comes in its pieces.
 
