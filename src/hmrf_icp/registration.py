@@ -146,9 +146,9 @@ def _register(
     from hmrf_icp.kernels.compilation import Compilation
 
     started = time.perf_counter()
-    moving, fixed = (
-        prepare(_read(cloud, name), name, viewpoint)
-        for cloud, name in ((source, "source"), (target, "target"))
+    moving, fixed = threads.current().map(
+        lambda given: prepare(_read(*given), given[1], viewpoint),
+        ((source, "source"), (target, "target")),
     )
     start = se3.as_rigid(init, "init")
     far = float(np.abs(start[:3, 3]).max())

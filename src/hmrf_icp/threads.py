@@ -57,6 +57,22 @@ class Workers:
         self._pool = None
 
 
+    def over(self, function: Callable[[Any], Any], rows: Any, least: int = 1) -> list[Any]:
+        """Apply a function to a few long pieces of ``rows``, of ``least`` rows or more each.
+
+        Parameters
+        ----------
+        function
+            Whose answer for a piece are the answers for its rows: where the cuts are makes no
+            difference to them.
+        rows
+            An array or a sequence.
+        """
+        count = max(1, min(2 * self.count, len(rows) // least)) if self.count > 1 else 1
+        ends = [len(rows) * k // count for k in range(count + 1)]
+        return self.map(function, [rows[a:b] for a, b in zip(ends[:-1], ends[1:], strict=True)])
+
+
 _ONE = Workers(1)
 _current: ContextVar[Workers] = ContextVar("workers", default=_ONE)
 

@@ -8,11 +8,15 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
-from hmrf_icp import se3
+from hmrf_icp import se3, threads
 from hmrf_icp.clouds.prepared import PreparedCloud
 from hmrf_icp.clouds.surface import evenly
 
 Array = NDArray[np.float64]
+
+
+STARTS_A_THREAD = 4
+"""Starts that are worth a thread's while."""
 
 
 @dataclass(frozen=True)
@@ -64,20 +68,24 @@ class Annealer:
 
         ends = np.array(poses, dtype=np.float64)
         onto = self._onto
-        anneal(
-            self._points,
-            self._normals,
-            onto.points,
-            onto.normals,
-            self._signed,
-            onto.table,
-            onto.corner,
-            onto.edge,
-            self._scales[first:],
-            self._steps,
-            0.02,
-            ends,
-        )
+
+        def settle(some: Array) -> None:
+            anneal(
+                self._points,
+                self._normals,
+                onto.points,
+                onto.normals,
+                self._signed,
+                onto.table,
+                onto.corner,
+                onto.edge,
+                self._scales[first:],
+                self._steps,
+                0.02,
+                some,
+            )
+
+        threads.current().over(settle, ends, STARTS_A_THREAD)
         # Where a step led nowhere (matches that determine nothing), the start is what there is.
         lost = ~np.isfinite(ends).all(axis=(1, 2))
         ends[lost] = poses[lost]

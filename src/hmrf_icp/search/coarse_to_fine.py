@@ -14,6 +14,7 @@ from dataclasses import dataclass, replace
 import numpy as np
 from numpy.typing import NDArray
 
+from hmrf_icp import threads
 from hmrf_icp.clouds.prepared import PreparedCloud
 from hmrf_icp.loop.align import Aligner
 from hmrf_icp.loop.criteria import StoppingRule
@@ -87,7 +88,7 @@ class CoarseToFine:
         on_iteration: Callable[[Iteration], None] | None = None,
     ) -> SearchResult:
         """Register; see :func:`hmrf_icp.register`."""
-        source, target = self.viewed(source), self.viewed(target)
+        source, target = threads.current().map(self._ready, (source, target))
         search = Search(self, source, target, init, near, on_iteration)
         end = search.among(Starts(search.turns, 0, self.finalists, False))
         for more in search.farther():
@@ -96,6 +97,15 @@ class CoarseToFine:
             end = search.among(more)
         end = search.polished(search.no_worse(end))
         return SearchResult(end.loop, end.visibility, end.confidence, self)
+
+    def _ready(self, cloud: PreparedCloud) -> PreparedCloud:
+        """Work out what any search needs of a cloud, whatever the other is."""
+        viewed = self.viewed(cloud)
+        few = viewed.downsampled(self.points)
+        if few.range_image is None:
+            few.border  # noqa: B018
+        few.tree  # noqa: B018
+        return viewed
 
     def viewed(self, cloud: PreparedCloud) -> PreparedCloud:
         """Return a cloud from a place to look from, where places are assumed."""

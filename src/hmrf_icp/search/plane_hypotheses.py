@@ -100,13 +100,15 @@ def plane_hypotheses(
     )
     if len(turns) > fine:
         coarse, sure = Correlator(source, target, COARSE_CELLS), fine // 2
-        promise = [max(coarse.peaks(turn, 1)[1], default=-np.inf) for turn in turns[sure:]]
+        peaks = coarse.peaks_of_each(turns[sure:], 1)
+        promise = [max(score, default=-np.inf) for _, score in peaks]
         others = np.argsort(-np.array(promise), kind="stable")[: fine - sure]
         turns = np.concatenate([turns[:sure], turns[sure + np.sort(others)]])
     correlator = Correlator(source, target, CELLS)
     poses, scores = [], []
-    for rotation in turns:
-        shifts, score = correlator.peaks(rotation, SHIFTS)
+    for rotation, (shifts, score) in zip(
+        turns, correlator.peaks_of_each(turns, SHIFTS), strict=True
+    ):
         pose = np.zeros((len(shifts), 4, 4))
         pose[:, :3, :3], pose[:, :3, 3], pose[:, 3, 3] = rotation, shifts, 1.0
         poses.append(pose)

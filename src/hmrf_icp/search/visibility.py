@@ -116,10 +116,11 @@ class NearSurface:
         self._tree = cloud.tree
         self._band = band * surface.noise + np.sqrt(surface.area)
         self._border = cloud.border
+        self._reach = OFF * float(self._band.max())
 
     def ask(self, points: Array, normals: Array, pose: Array) -> NDArray[np.uint8]:
         """Ask who is on the surface, facing its way, and who is off it where it goes on."""
-        distance, row = self._tree.query(se3.transform(pose, points))
+        distance, row = self._tree.query(se3.transform(pose, points), within=self._reach)
         return self.tell(distance, row, normals @ pose[:3, :3].T)
 
     def tell(self, distance: Array, row: NDArray[np.integer], normals: Array) -> NDArray[np.uint8]:
