@@ -19,6 +19,7 @@ from concurrent.futures import ThreadPoolExecutor
 from contextlib import contextmanager
 from contextvars import ContextVar
 from functools import cache
+from itertools import pairwise
 from typing import Any, TypeVar
 
 from hmrf_icp.errors import InputError
@@ -56,7 +57,6 @@ class Workers:
             self._pool.shutdown(cancel_futures=True)
         self._pool = None
 
-
     def over(self, function: Callable[[Any], Any], rows: Any, least: int = 1) -> list[Any]:
         """Apply a function to a few long pieces of ``rows``, of ``least`` rows or more each.
 
@@ -70,7 +70,7 @@ class Workers:
         """
         count = max(1, min(2 * self.count, len(rows) // least)) if self.count > 1 else 1
         ends = [len(rows) * k // count for k in range(count + 1)]
-        return self.map(function, [rows[a:b] for a, b in zip(ends[:-1], ends[1:], strict=True)])
+        return self.map(function, [rows[a:b] for a, b in pairwise(ends)])
 
 
 _ONE = Workers(1)

@@ -1,8 +1,8 @@
 """The default: many candidates on few points, the likeliest refined by the field, and judged.
 
-Algorithm 1 converges to a local optimum. Here it comes last. The start and turns of it come
-first; where what comes out does not convince, shifts of these follow if the pose is near the
-start, and hypotheses from everywhere if nothing is known.
+Algorithm 1 converges to a local optimum. Here it comes last. The start comes first; where
+what it leads to does not convince, turns of it follow, then shifts of these if the pose is near
+the start, and hypotheses from everywhere if nothing is known.
 """
 
 from __future__ import annotations
@@ -31,6 +31,9 @@ Array = NDArray[np.float64]
 
 COARSE = Level(600, 2500, 40, 8, (0.15, 0.08, 0.04, 0.02), 4)
 CLOSE = Level(1500, 6000, 56, 3, (0.15, 0.08, 0.04, 0.03, 0.02, 0.015), 8)
+
+CONVINCED_AT_ONCE = 0.9
+"""Confidence of what the start itself leads to from which it is not even turned."""
 
 CONVINCED, CONVINCED_UNSEEN = 0.5, 0.9
 """Confidence from which no further starts are tried: with free space, and without it.
@@ -90,11 +93,13 @@ class CoarseToFine:
         """Register; see :func:`hmrf_icp.register`."""
         source, target = threads.current().map(self._ready, (source, target))
         search = Search(self, source, target, init, near, on_iteration)
-        end = search.among(Starts(search.turns, 0, self.finalists, False))
-        for more in search.farther():
-            if end.confidence >= (CONVINCED if end.visibility.views else CONVINCED_UNSEEN):
-                break
-            end = search.among(more)
+        end = search.from_start()
+        if end.confidence < CONVINCED_AT_ONCE:
+            end = search.among(Starts(search.turns, 0, self.finalists, False))
+            for more in search.farther():
+                if end.confidence >= (CONVINCED if end.visibility.views else CONVINCED_UNSEEN):
+                    break
+                end = search.among(more)
         end = search.polished(search.no_worse(end))
         return SearchResult(end.loop, end.visibility, end.confidence, self)
 

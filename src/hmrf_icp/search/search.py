@@ -9,7 +9,7 @@ align with everything that is known.
 from __future__ import annotations
 
 import math
-from collections.abc import Callable, Iterator, Sequence
+from collections.abc import Callable, Iterable, Iterator, Sequence
 from dataclasses import replace
 from itertools import islice
 from typing import NamedTuple, Protocol
@@ -36,6 +36,9 @@ TESTED_FIRST, TESTED_EARLY, TESTED_LATE = 250, 1000, 4000
 """Points of each cloud that are held against the other's view: of all poses, of those that may
 become candidates, and of the last.
 """
+
+FROM_START = 3
+"""Candidates that are taken of where the start leads from its scales."""
 
 HELD_LONGER = 4
 """Poses that are held against more points, for each candidate that is taken of them."""
@@ -147,34 +150,38 @@ class Search:
                 yield Starts(poses, 1, 2 * self._plan.finalists, True)
         yield shifts
 
-    def among(self, starts: Starts) -> Judged:
-        """Return the likeliest end of all starts so far, these and the given one."""
-        candidates = self._new_candidates(starts)
-        self._candidates += candidates
-        self._ends += self._tried(candidates)
-        return self._refined()
+    def from_start(self) -> Judged:
+        """Return the likeliest end of the start as it is, and of where it leads."""
+        start = self._prior.start
+        # The start has a place beside them, whatever the annealing makes of it.
+        candidates = [Candidate(start, self._log_posterior(start, self._test_early))]
+        poses = self._close.from_each_scale(start)
+        log_posterior = self._log_posteriors(poses, len(poses), 0)
+        rows = self._new(poses, log_posterior, FROM_START, [])
+        return self._gone_on(
+            [*candidates, *(Candidate(poses[row], log_posterior[row]) for row in rows)]
+        )
 
-    def _new_candidates(self, starts: Starts) -> list[Candidate]:
-        """Poses that starts lead to, but to none that was tried; at first the given start too."""
-        prior, poses = self._prior, self._coarse(starts.poses, starts.scale)
-        first = not self._candidates
-        if first:
-            poses = np.concatenate([self._close.from_each_scale(prior.start), poses])
+    def among(self, starts: Starts) -> Judged:
+        """Return the likeliest end of all starts so far and these."""
+        poses = self._coarse(starts.poses, starts.scale)
         # Hypotheses come with an order of their own, which sees what the test does not.
         by_order = starts.most // 3 if starts.ordered else 0
         log_posterior = self._log_posteriors(poses, HELD_LONGER * starts.most, by_order)
-        there = [candidate.pose for candidate in self._candidates]
-        found: list[Candidate] = []
-        for score, most in (
-            (log_posterior, starts.most - by_order),
-            (-np.arange(len(poses), dtype=np.float64), by_order),
-        ):
-            others = there + [candidate.pose for candidate in found]
-            rows = distinct(poses, score, others, SAME_ANGLE, SAME_SHIFT * prior.size)
-            found += [Candidate(poses[i], log_posterior[i]) for i in islice(rows, most)]
-        # The start as it is has a place beside them, whatever a coarse level makes of it.
-        start = Candidate(prior.start, self._log_posterior(prior.start, self._test_early))
-        return [start, *found] if first else found
+        rows = self._new(poses, log_posterior, starts.most - by_order, [])
+        rows += self._new(poses, -np.arange(len(poses), dtype=np.float64), by_order, poses[rows])
+        return self._gone_on([Candidate(poses[row], log_posterior[row]) for row in rows])
+
+    def _new(self, poses: Array, score: Array, most: int, beside: Iterable[Array]) -> list[int]:
+        """Rows of the poses of the highest score (K,), but for those tried or ``beside``."""
+        there = [*(candidate.pose for candidate in self._candidates), *beside]
+        rows = distinct(poses, score, there, SAME_ANGLE, SAME_SHIFT * self._prior.size)
+        return list(islice(rows, most))
+
+    def _gone_on(self, candidates: Sequence[Candidate]) -> Judged:
+        self._candidates += candidates
+        self._ends += self._tried(candidates)
+        return self._refined()
 
     def _log_posteriors(self, poses: Array, most: int, first: int) -> Array:
         """Log posterior odds (K,) of poses (K, 4, 4) on some points, the likeliest on more.
