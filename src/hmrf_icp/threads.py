@@ -22,6 +22,7 @@ from functools import cache
 from itertools import pairwise
 from typing import Any, TypeVar
 
+from hmrf_icp import stages
 from hmrf_icp.errors import InputError
 
 T = TypeVar("T")
@@ -49,7 +50,13 @@ class Workers:
             return [function(piece) for piece in pieces]
         if self._pool is None:
             self._pool = ThreadPoolExecutor(self.count, "hmrf-icp")
-        return list(self._pool.map(function, pieces))
+        watch = stages.current()
+
+        def watched(piece: T) -> R:
+            with stages.timed_by(watch):
+                return function(piece)
+
+        return list(self._pool.map(watched, pieces))
 
     def end(self) -> None:
         """Wait for the threads to end."""

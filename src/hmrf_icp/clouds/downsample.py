@@ -10,6 +10,7 @@ from numpy.typing import NDArray
 
 from hmrf_icp.clouds.cloud import PointCloud
 from hmrf_icp.clouds.tree import Tree
+from hmrf_icp.stages import stage
 
 NEAR = 1.1
 """Times an edge that leaves too many, within which the smallest that does not is found."""
@@ -52,6 +53,7 @@ class Downsampled(NamedTuple):
     representative: NDArray[np.intp]
 
 
+@stage("thinning")
 def downsample(cloud: PointCloud, most: int) -> Downsampled:
     """Thin a cloud out to about ``most`` points; the same cloud where it has no more.
 

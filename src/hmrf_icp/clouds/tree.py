@@ -7,6 +7,7 @@ from numpy.typing import NDArray
 
 from hmrf_icp import threads
 from hmrf_icp.errors import InputError
+from hmrf_icp.stages import stage
 
 Array = NDArray[np.float64]
 
@@ -28,6 +29,7 @@ class Tree:
         There is no point, or the array has another shape.
     """
 
+    @stage("search tree")
     def __init__(self, points: Array) -> None:
         from pykdtree.kdtree import KDTree
 
@@ -44,6 +46,7 @@ class Tree:
     def __len__(self) -> int:
         return self._count
 
+    @stage("closest points")
     def query(
         self, points: Array, k: int = 1, eps: float = 0.0, within: float | None = None
     ) -> tuple[Array, NDArray[np.intp]]:

@@ -11,6 +11,7 @@ from numpy.typing import NDArray
 from hmrf_icp import se3, threads
 from hmrf_icp.clouds.prepared import PreparedCloud
 from hmrf_icp.clouds.surface import evenly
+from hmrf_icp.stages import stage
 
 Array = NDArray[np.float64]
 
@@ -62,6 +63,7 @@ class Annealer:
         """Return where one start (4, 4) ends from each of the scales down, all of them first."""
         return np.concatenate([self(pose[None], first) for first in range(len(self._scales))])
 
+    @stage("candidates")
     def __call__(self, poses: Array, first: int = 0) -> Array:
         """Return where the starts (K, 4, 4) end, from the scale number ``first`` down."""
         from hmrf_icp.kernels.candidates import anneal

@@ -13,6 +13,7 @@ from hmrf_icp.search.consistent_groups import Oriented, explained, motions
 from hmrf_icp.search.feature_matches import match
 from hmrf_icp.search.features import Features, common_edge, describe
 from hmrf_icp.search.surface_agreement import Agreement
+from hmrf_icp.stages import stage
 
 Array = NDArray[np.float64]
 
@@ -60,6 +61,7 @@ class Matched:
         return cls(source, target, ends)
 
 
+@stage("features")
 def hypotheses(
     source_points: Array,
     source_normals: Array,

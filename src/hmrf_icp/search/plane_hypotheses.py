@@ -14,6 +14,7 @@ from numpy.typing import NDArray
 
 from hmrf_icp.search.correlation import Correlator, Sampled
 from hmrf_icp.search.orientations import Orientations, likely_rotations
+from hmrf_icp.stages import stage
 
 Array = NDArray[np.float64]
 
@@ -73,6 +74,7 @@ def evenly(area: Array, count: int) -> NDArray[np.intp]:
     return np.flatnonzero(np.diff(passed, prepend=0.0) > 0)
 
 
+@stage("planes")
 def plane_hypotheses(
     source: Sampled, target: Sampled, most: int, rotations: int = ROTATIONS, fine: int = FINE
 ) -> tuple[Array, Array]:

@@ -13,6 +13,7 @@ from hmrf_icp import se3
 from hmrf_icp.clouds.prepared import PreparedCloud
 from hmrf_icp.clouds.range_image import BAND
 from hmrf_icp.clouds.surface import Surface, evenly
+from hmrf_icp.stages import stage
 
 AGREE, FRONT = 0, 1
 """As in :mod:`hmrf_icp.kernels.range_image`."""
@@ -161,6 +162,7 @@ class VisibilityTest:
         self._by_source: Asked = by_source if by_source and by_target else NearSurface(source)
         self._by_target: Asked = by_target if by_source and by_target else NearSurface(target)
 
+    @stage("visibility")
     def __call__(self, pose: Array) -> Visibility:
         """Ask about one pose (4, 4), source to target."""
         mine, theirs = self._of_source, self._of_target
