@@ -11,6 +11,7 @@ from __future__ import annotations
 import math
 from collections.abc import Callable, Iterable, Iterator, Sequence
 from dataclasses import replace
+from functools import cached_property
 from itertools import islice
 from typing import NamedTuple, Protocol
 
@@ -123,9 +124,7 @@ class Search:
             VisibilityTest(self._source, self._target, count)
             for count in (TESTED_FIRST, TESTED_EARLY, TESTED_LATE)
         )
-        self._coarse, self._close = (
-            Annealer(self._source, self._target, level) for level in (plan.coarse, plan.close)
-        )
+        self._close = Annealer(self._source, self._target, plan.close)
         self._on_iteration = on_iteration
 
         size = self._target.surface.size
@@ -138,6 +137,11 @@ class Search:
         self._candidates: list[Candidate] = []
         self._ends: list[Judged] = []
         self._best: Judged | None = None
+
+    @cached_property
+    def _coarse(self) -> Annealer:
+        """Prepared when the first start is turned: most searches end before."""
+        return Annealer(self._source, self._target, self._plan.coarse)
 
     def farther(self) -> Iterator[Starts]:
         """More starts, one kind after the other, for as long as somebody asks for them."""
