@@ -126,6 +126,15 @@ def register(
             f"one of: {', '.join(presets.aligner_names())}.",
         ),
     ] = None,
+    num_threads: Annotated[
+        int | None,
+        typer.Option(
+            metavar="N",
+            rich_help_panel=_METHOD,
+            help="Threads to use; all cores that the process may use where it is not given. The "
+            "result is the same with any number.",
+        ),
+    ] = None,
     output: Annotated[
         Path | None,
         typer.Option(
@@ -152,6 +161,14 @@ def register(
             help="Write a picture of the clouds before and after, the distances and the inliers.",
         ),
     ] = None,
+    profile: Annotated[
+        bool,
+        typer.Option(
+            "--profile",
+            rich_help_panel=_OUTPUT,
+            help="Print time and calls of each stage of the registration too.",
+        ),
+    ] = False,
     as_json: Annotated[
         bool,
         typer.Option(
@@ -221,6 +238,8 @@ def register(
                     aligner=None if aligner is None else presets.aligner(aligner),
                     viewpoint=None if viewpoint == "none" else "auto",
                     search=cast("Where", search),
+                    num_threads=num_threads,
+                    profile=profile,
                     on_iteration=bar,
                 )
             bar.stage("Writing")
