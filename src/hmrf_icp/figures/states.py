@@ -8,6 +8,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
+from hmrf_icp import se3
 from hmrf_icp.clouds.prepared import PreparedCloud
 from hmrf_icp.figures.pair import Pair
 from hmrf_icp.loop.icp import Iteration
@@ -15,6 +16,9 @@ from hmrf_icp.loop.placed import Placed
 from hmrf_icp.presets import Registrar
 from hmrf_icp.result import RegistrationResult
 from hmrf_icp.se3 import Array
+
+SAME_TURN = 1e-6
+"""Radians within which a turn is the one that was told."""
 
 SEEN = 20_000
 """Points of the source at most whose labels are decided anew for a film."""
@@ -48,15 +52,26 @@ class Recording:
     def tried(self, result: RegistrationResult) -> tuple[Iteration, ...]:
         """Last iteration of each loop that did not lead to the result, in their order.
 
-        A loop begins where the number of an iteration does not follow the one before.
+        An iteration belongs to the loop of the one before where its number is the next and its
+        step leads on from there.
         """
         kept = {id(one) for one in self.iterations if one in result.history}
-        ends = []
-        for one, following in zip(self.iterations, [*self.iterations[1:], None], strict=True):
-            ends_here = following is None or following.iteration != one.iteration + 1
-            if ends_here and id(one) not in kept and one.transformation is not None:
-                ends.append(one)
-        return tuple(ends)
+        return tuple(
+            one
+            for one, following in zip(self.iterations, [*self.iterations[1:], None], strict=True)
+            if id(one) not in kept and one.transformation is not None and _ends(one, following)
+        )
+
+
+def _ends(one: Iteration, following: Iteration | None) -> bool:
+    """Whether a loop ended with an iteration, by what was told next."""
+    if following is None or following.iteration != one.iteration + 1:
+        return True
+    before, after = one.transformation, following.transformation
+    if before is None or after is None:
+        return False
+    turned = se3.rotation_angle(after @ se3.inverse(before))
+    return abs(turned - following.step_rotation) > SAME_TURN
 
 
 @dataclass(frozen=True, eq=False)

@@ -123,14 +123,18 @@ def _confidence(study: Study, cast: Sequence[Band]) -> Section | None:
 
 
 def _worst(study: Study, worst: Sequence[ShownRun], no_picture: str) -> Section | None:
+    title = f"The worst runs of {study.headline.label}"
+    mine = study.runs.of(study.headline.name)
+    if mine.any() and study.solved[mine].all():
+        return Section("worst-section", title, paragraphs=["None failed."])
     if not worst:
         return None
     return Section(
         "worst-section",
-        f"The worst runs of {study.headline.label}",
+        title,
         paragraphs=_some(
-            "Failures where the overlap gives no excuse, and the largest errors; of one pair only "
-            "the first. Blue is the target, orange the source.",
+            "Failures where the overlap gives no excuse, and those with the largest errors; of one "
+            "pair only the first. Blue is the source, orange the target.",
             no_picture,
         ),
         worst=worst,
