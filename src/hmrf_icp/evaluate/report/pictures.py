@@ -18,6 +18,9 @@ if TYPE_CHECKING:
 MOST_POINTS = 6000
 """Points drawn of one cloud: more only blacken the picture."""
 
+FEW_POINTS = 4000
+"""Of fewer points each is drawn larger."""
+
 Array = NDArray[np.float64]
 
 
@@ -107,7 +110,8 @@ def _on_any_page(axes: Axes) -> None:
 
 
 def _cloud(axes: Axes, x: Array, y: Array, colour: str, label: str) -> None:
-    axes.scatter(x, y, s=0.8, c=colour, alpha=0.45, linewidths=0, label=label, rasterized=True)
+    size = 0.8 * max(1.0, FEW_POINTS / max(len(x), 1))
+    axes.scatter(x, y, s=size, c=colour, alpha=0.6, linewidths=0, label=label, rasterized=True)
 
 
 def _thinned(points: Array) -> Array:
