@@ -9,6 +9,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from hmrf_icp.clouds.camera import PinholeCamera
+from hmrf_icp.clouds.distorted_camera import Camera, DistortedCamera
 from hmrf_icp.clouds.per_point import beside_points
 from hmrf_icp.errors import InputError
 
@@ -225,7 +226,7 @@ def depth_map(given: Any) -> NDArray[Any]:
     return array
 
 
-def as_camera(given: Any, shape: tuple[int, ...]) -> PinholeCamera:
+def as_camera(given: Any, shape: tuple[int, ...]) -> Camera:
     """Take a camera: one, Open3D's PinholeCameraIntrinsic, or a matrix K (3, 3).
 
     Parameters
@@ -240,8 +241,24 @@ def as_camera(given: Any, shape: tuple[int, ...]) -> PinholeCamera:
     InputError
         Nothing of the kind.
     """
+    return given if isinstance(given, DistortedCamera) else as_pinhole(given, shape)
+
+
+def as_pinhole(given: Any, shape: tuple[int, ...]) -> PinholeCamera:
+    """Take a camera without distortion, as `as_camera` does.
+
+    Raises
+    ------
+    InputError
+        Nothing of the kind.
+    """
     if isinstance(given, PinholeCamera):
         return given
+    if isinstance(given, DistortedCamera):
+        raise InputError(
+            "camera: a DistortedCamera, whose pixels are no pinhole's; make the cloud of its depth "
+            "map with PointCloud.from_depth"
+        )
     matrix = getattr(given, "intrinsic_matrix", None)
     if matrix is not None:
         return PinholeCamera.from_matrix(matrix, int(given.width), int(given.height))

@@ -9,13 +9,13 @@ from typing import Any
 
 from numpy.typing import NDArray
 
-from hmrf_icp.clouds.camera import PinholeCamera
 from hmrf_icp.clouds.cloud import PointCloud
+from hmrf_icp.clouds.distorted_camera import Camera
 from hmrf_icp.errors import InputError
 from hmrf_icp.io.arrays import read_npy, read_npz, write_npy, write_npz
-from hmrf_icp.io.camera import Intrinsics
 from hmrf_icp.io.depth import IMAGE_SUFFIXES, check_depth_type, read_depth
 from hmrf_icp.io.files import check_suffix, existing_file
+from hmrf_icp.io.intrinsics import Intrinsics
 from hmrf_icp.io.pcd import read_pcd, write_pcd
 from hmrf_icp.io.ply import read_ply, write_ply
 from hmrf_icp.io.text import read_text, write_text
@@ -57,7 +57,7 @@ _TOO_NARROW = 16
 
 def read_cloud(
     path: str | os.PathLike[str],
-    camera: PinholeCamera | Intrinsics | None = None,
+    camera: Camera | Intrinsics | None = None,
     depth_scale: float | None = None,
     max_depth: float | None = None,
 ) -> PointCloud:
@@ -117,7 +117,7 @@ def read_any(path: str | os.PathLike[str]) -> PointCloud | NDArray[Any]:
 def unproject(
     path: str | os.PathLike[str],
     depth: NDArray[Any],
-    camera: PinholeCamera | Intrinsics | None,
+    camera: Camera | Intrinsics | None,
     depth_scale: float | None = None,
     max_depth: float | None = None,
 ) -> PointCloud:
