@@ -10,6 +10,7 @@ from numpy.typing import NDArray
 
 from hmrf_icp.clouds.camera import PinholeCamera
 from hmrf_icp.clouds.distorted_camera import Camera, DistortedCamera
+from hmrf_icp.clouds.las_dimensions import las_dimensions
 from hmrf_icp.clouds.per_point import beside_points
 from hmrf_icp.errors import InputError
 
@@ -52,7 +53,7 @@ def parts_of(given: Any) -> Parts:
         return _of_tensors(given)
     if _is_laspy(given):
         # Its .points are whole numbers that wait for a scale; .xyz has metres.
-        return Parts(_coordinates(np.asarray(given.xyz)))
+        return Parts(_coordinates(np.asarray(given.xyz)), *las_dimensions(given))
     points = getattr(given, "points", None)
     if callable(points):  # small_gicp's answer a call, with homogeneous points
         points = _called(points, given)

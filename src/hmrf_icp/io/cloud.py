@@ -16,9 +16,11 @@ from hmrf_icp.io.arrays import read_npy, read_npz, write_npy, write_npz
 from hmrf_icp.io.depth import IMAGE_SUFFIXES, check_depth_type, read_depth
 from hmrf_icp.io.files import check_suffix, existing_file
 from hmrf_icp.io.intrinsics import Intrinsics
+from hmrf_icp.io.las import read_las, write_las
 from hmrf_icp.io.pcd import read_pcd, write_pcd
 from hmrf_icp.io.ply import read_ply, write_ply
 from hmrf_icp.io.text import read_text, write_text
+from hmrf_icp.io.velodyne import read_velodyne
 from hmrf_icp.io.whole import require_writable, written_whole
 
 _READERS: dict[str, Callable[[Path], PointCloud]] = {
@@ -26,9 +28,14 @@ _READERS: dict[str, Callable[[Path], PointCloud]] = {
     ".pcd": read_pcd,
     ".xyz": read_text,
     ".xyzn": read_text,
+    ".pts": read_text,
+    ".asc": read_text,
     ".csv": read_text,
     ".txt": read_text,
     ".npz": read_npz,
+    ".bin": read_velodyne,
+    ".las": read_las,
+    ".laz": read_las,
 }
 
 _WRITERS: dict[str, Callable[[Path, PointCloud], None]] = {
@@ -36,10 +43,14 @@ _WRITERS: dict[str, Callable[[Path, PointCloud], None]] = {
     ".pcd": write_pcd,
     ".xyz": write_text,
     ".xyzn": write_text,
+    ".pts": write_text,
+    ".asc": write_text,
     ".csv": write_text,
     ".txt": write_text,
     ".npy": write_npy,
     ".npz": write_npz,
+    ".las": write_las,
+    ".laz": write_las,
 }
 
 READABLE = (*IMAGE_SUFFIXES, ".npy", *_READERS)
@@ -48,7 +59,7 @@ READABLE = (*IMAGE_SUFFIXES, ".npy", *_READERS)
 WRITABLE = tuple(_WRITERS)
 """Suffixes that `write_cloud` knows."""
 
-_WITH_ATTRIBUTES = (".ply", ".pcd", ".csv", ".npz")
+_WITH_ATTRIBUTES = (".ply", ".pcd", ".csv", ".npz", ".las", ".laz")
 _WITH_NORMALS = (*_WITH_ATTRIBUTES, ".xyzn")
 
 _TOO_NARROW = 16
