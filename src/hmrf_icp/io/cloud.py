@@ -14,6 +14,8 @@ from hmrf_icp.clouds.distorted_camera import Camera
 from hmrf_icp.errors import InputError
 from hmrf_icp.io.arrays import read_npy, read_npz, write_npy, write_npz
 from hmrf_icp.io.depth import IMAGE_SUFFIXES, check_depth_type, read_depth
+from hmrf_icp.io.e57 import read_e57
+from hmrf_icp.io.e57_writing import write_e57
 from hmrf_icp.io.files import check_suffix, existing_file
 from hmrf_icp.io.intrinsics import Intrinsics
 from hmrf_icp.io.las import read_las, write_las
@@ -36,6 +38,7 @@ _READERS: dict[str, Callable[[Path], PointCloud]] = {
     ".bin": read_velodyne,
     ".las": read_las,
     ".laz": read_las,
+    ".e57": read_e57,
 }
 
 _WRITERS: dict[str, Callable[[Path, PointCloud], None]] = {
@@ -51,6 +54,7 @@ _WRITERS: dict[str, Callable[[Path, PointCloud], None]] = {
     ".npz": write_npz,
     ".las": write_las,
     ".laz": write_las,
+    ".e57": write_e57,
 }
 
 READABLE = (*IMAGE_SUFFIXES, ".npy", *_READERS)
