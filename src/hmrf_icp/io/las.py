@@ -191,10 +191,13 @@ def _steps(points: NDArray[np.float64]) -> tuple[NDArray[np.float64], NDArray[np
     if not len(points):
         return np.full(3, 1e-3), np.zeros(3)
     low, high = points.min(axis=0), points.max(axis=0)
-    finest = max(float((high - low).max()) / LARGEST, 1e-15 * float(np.abs(points).max()), 1e-300)
-    scale = 10.0 ** math.ceil(math.log10(finest))
-    middle = 0.5 * (low + high)
-    return np.full(3, scale), np.rint(middle / (1e3 * scale)) * (1e3 * scale)
+    side = float((high - low).max())
+    if side == 0.0:
+        return np.full(3, 1e-3), low
+    # Half of it lies on either side of the offset, which leaves room for rounding that.
+    scale = 10.0 ** math.ceil(math.log10(max(side / LARGEST, np.finfo(float).tiny)))
+    unit = 10.0 ** math.floor(math.log10(side))
+    return np.full(3, scale), np.rint(0.5 * (low + high) / unit) * unit
 
 
 def _placed(header: Any, columns: Columns, coloured: bool) -> tuple[Columns, Columns]:
