@@ -104,9 +104,15 @@ def _read_pose(path: Path) -> None:
 
 
 def _read_camera(path: Path) -> None:
-    from hmrf_icp.io import read_camera
+    import numpy as np
 
-    read_camera(path, 8, 6)
+    from hmrf_icp import PointCloud
+    from hmrf_icp.io import read_intrinsics
+
+    lens = read_intrinsics(path)
+    # The smallest images of a Kinect, which is a camera for several sizes.
+    width, height = (320, 288) if lens.others else (8, 6)
+    PointCloud.from_depth(np.ones((height, width)), lens.for_image(width, height))
 
 
 READERS: dict[str, Callable[[Path], Any]] = {"pose": _read_pose, "camera": _read_camera}

@@ -169,17 +169,24 @@ class Distortion:
             sought = np.hypot(u, v)
             guess = np.interp(sought, images, radii)
             scale = np.where(sought > 0.0, guess / np.where(sought > 0.0, sought, 1.0), 1.0)
-            x, y = u * scale, v * scale
+            x, y = np.ravel(u * scale), np.ravel(v * scale)
+            sought_u, sought_v = np.ravel(u), np.ravel(v)
+            left = np.arange(x.size)
+            found = np.zeros(x.size, bool)
             for _ in range(STEPS):
-                at_u, at_v, u_x, u_y, v_x, v_y = self._polynomial(x, y)
-                off_u, off_v = u - at_u, v - at_v
-                if not (np.abs(off_u) + np.abs(off_v) > CLOSE).any():
-                    break
+                at_u, at_v, u_x, u_y, v_x, v_y = self._polynomial(x[left], y[left])
+                off_u, off_v = sought_u[left] - at_u, sought_v[left] - at_v
+                close = np.abs(off_u) + np.abs(off_v) <= CLOSE
+                found[left[close]] = True
                 area = u_x * v_y - u_y * v_x
-                x = x + (v_y * off_u - u_y * off_v) / area
-                y = y + (u_x * off_v - v_x * off_u) / area
-            at_u, at_v, *_ = self._polynomial(x, y)
-            found = (np.abs(u - at_u) + np.abs(v - at_v) <= 10.0 * CLOSE) & (
-                x * x + y * y <= end**2 * (1.0 + 1e-9)
-            )
-        return np.where(found, x, np.nan), np.where(found, y, np.nan)
+                x[left] += np.where(close, 0.0, (v_y * off_u - u_y * off_v) / area)
+                y[left] += np.where(close, 0.0, (u_x * off_v - v_x * off_u) / area)
+                left = left[~close & np.isfinite(x[left]) & np.isfinite(y[left])]
+                if not len(left):
+                    break
+            found &= x * x + y * y <= end**2 * (1.0 + 1e-9)
+        shape = np.shape(u)
+        return (
+            np.where(found, x, np.nan).reshape(shape),
+            np.where(found, y, np.nan).reshape(shape),
+        )

@@ -75,7 +75,7 @@ _LIBRARIES = {
 }
 """What is written with a library that may be missing, and the extra that installs it."""
 
-READABLE = (*IMAGE_SUFFIXES, ".npy", *_MESH_READERS, *_READERS)
+READABLE = tuple(dict.fromkeys((*IMAGE_SUFFIXES, ".npy", ".ply", *_READERS, *_MESH_READERS)))
 """Suffixes that `read_cloud` knows."""
 
 WRITABLE = tuple(_WRITERS)

@@ -2,8 +2,9 @@
 
 from __future__ import annotations
 
+import struct
 from pathlib import Path
-from typing import Any
+from typing import Any, NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
@@ -16,6 +17,10 @@ MOST_PIXELS = 100_000_000
 """Images of more are taken for damaged."""
 
 _START = b"v/1\x01"
+_DEEP, _PARTS = 0x800, 0x1000
+"""Bits of the version."""
+
+_KINDS = {"FLOAT": np.float32, "HALF": np.float16, "UINT": np.uint32}
 _DEPTH = ("z", "depth", "v", "y")
 """Last part of the name of a channel of depth, in lower case, the likeliest first."""
 
@@ -40,45 +45,54 @@ def read_exr(path: Path) -> NDArray[np.float32]:
     with reading(path, "an EXR image"):
         with path.open("rb") as stream:
             start = stream.read(8)
-        if start[:4] != _START:
+        if start[:4] != _START or len(start) < 8:
             raise InputError(f"{path}: not an EXR image, its first bytes are {start!r}")
-        described = _opened(library, path, header_only=True)
-        if len(described.parts) != 1:
-            raise InputError(f"{path}: {len(described.parts)} images in one file, expected one")
-        header = described.header()
-        names = _check_header(path, header)
-        image = _opened(library, path, header_only=False)
-        channels = image.channels()
-        depth = np.asarray(_chosen(path, {name: channels[name].pixels for name in names}))
-        return _in_window(path, depth, header)
+        (flags,) = struct.unpack("<I", start[4:])
+        for bit, found in ((_DEEP, "several depths a pixel"), (_PARTS, "several images")):
+            if flags & bit:
+                raise InputError(f"{path}: an EXR file with {found}, expected one")
+        # Not its File, which warns of pixels that it cannot read, and hands out zeros for them.
+        image = library.InputFile(str(path))
+        try:
+            header = image.header()
+            stored, shown = _windows(path, header)
+            channels = {}
+            for name, channel in header["channels"].items():
+                kind = _KINDS[str(channel).partition(" ")[0]]
+                values = np.frombuffer(image.channel(name), kind)
+                channels[str(name)] = values.reshape(stored.height, stored.width)
+        finally:
+            image.close()
+        return _in_window(_chosen(path, channels), stored, shown)
 
 
-def _opened(library: Any, path: Path, header_only: bool) -> Any:
-    # Without threads of its own, which would not survive a fork.
-    return library.File(str(path), separate_channels=True, header_only=header_only, num_threads=0)
+class _Window(NamedTuple):
+    left: int
+    top: int
+    width: int
+    height: int
 
 
-def _check_header(path: Path, header: Any) -> list[str]:
-    """Names of the channels, if there is room for them."""
-    if "deep" in str(header.get("type", "")).lower():
-        raise InputError(f"{path}: a deep EXR image, with several depths a pixel; expected one")
+def _windows(path: Path, header: Any) -> tuple[_Window, _Window]:
+    """Return the pixels that are stored and those that are shown, if there is room for them."""
     channels = header["channels"]
-    if any((each.xSampling, each.ySampling) != (1, 1) for each in channels):
+    if any((each.xSampling, each.ySampling) != (1, 1) for each in channels.values()):
         raise InputError(f"{path}: an EXR image with channels of fewer pixels than the others")
-    for window in ("dataWindow", "displayWindow"):
-        width, height = _size(header[window])
-        if width < 1 or height < 1 or width * height > MOST_PIXELS:
+    found = []
+    for name in ("dataWindow", "displayWindow"):
+        low, high = header[name].min, header[name].max
+        window = _Window(
+            int(low.x), int(low.y), int(high.x) - int(low.x) + 1, int(high.y) - int(low.y) + 1
+        )
+        pixels = window.width * window.height
+        if min(window.width, window.height) < 1 or pixels > MOST_PIXELS:
             raise InputError(
-                f"{path}: an image of {width} x {height} pixels is larger than any depth map, or "
-                "its header is damaged"
+                f"{path}: an image of {window.width} x {window.height} pixels is larger than any "
+                "depth map, or its header is damaged"
             )
-        require_bounded(path, path.stat().st_size, 4 * width * height * len(channels))
-    return [str(each.name) for each in channels]
-
-
-def _size(window: Any) -> tuple[int, int]:
-    (left, top), (right, bottom) = ([int(number) for number in corner] for corner in window)
-    return right - left + 1, bottom - top + 1
+        require_bounded(path, path.stat().st_size, 4 * pixels * len(channels))
+        found.append(window)
+    return found[0], found[1]
 
 
 def _chosen(path: Path, channels: dict[str, NDArray[Any]]) -> NDArray[Any]:
@@ -97,17 +111,14 @@ def _chosen(path: Path, channels: dict[str, NDArray[Any]]) -> NDArray[Any]:
     )
 
 
-def _in_window(path: Path, depth: NDArray[Any], header: Any) -> NDArray[np.float32]:
+def _in_window(depth: NDArray[Any], stored: _Window, shown: _Window) -> NDArray[np.float32]:
     """Lay the pixels that are stored out on those that are shown."""
-    width, height = _size(header["dataWindow"])
-    if depth.shape != (height, width):
-        raise InputError(f"{path}: an EXR channel of shape {depth.shape}, not {height, width}")
-    shown = np.full(_size(header["displayWindow"])[::-1], np.nan, np.float32)
-    left, top = (int(n) for n in header["dataWindow"][0] - header["displayWindow"][0])
-    rows = slice(max(top, 0), min(top + height, shown.shape[0]))
-    columns = slice(max(left, 0), min(left + width, shown.shape[1]))
+    left, top = stored.left - shown.left, stored.top - shown.top
+    laid = np.full((shown.height, shown.width), np.nan, np.float32)
+    rows = slice(max(top, 0), max(min(top + stored.height, shown.height), 0))
+    columns = slice(max(left, 0), max(min(left + stored.width, shown.width), 0))
     if rows.start < rows.stop and columns.start < columns.stop:
-        shown[rows, columns] = depth[
+        laid[rows, columns] = depth[
             rows.start - top : rows.stop - top, columns.start - left : columns.stop - left
         ]
-    return shown
+    return laid
