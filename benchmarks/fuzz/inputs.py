@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import random
-from collections.abc import Callable
+from collections.abc import Callable, Sequence
 from pathlib import Path
 from typing import Any
 
@@ -17,10 +17,10 @@ WRITTEN = 0.2
 
 
 class Inputs:
-    """All inputs of a seed, by number, and how each is read."""
+    """All inputs of a seed, by number, and how each is read; files of some kinds or of all."""
 
-    def __init__(self, seed: int, folder: Path) -> None:
-        self.seed, self.folder = seed, folder
+    def __init__(self, seed: int, folder: Path, kinds: Sequence[str] = ()) -> None:
+        self.seed, self.folder, self.kinds = seed, folder, kinds
         self.files, self.recordings = seeds.files(), seeds.recordings()
         self.others = [content for _, content in self.files.values()]
         for layout, content in self.recordings.items():
@@ -49,6 +49,8 @@ class Inputs:
     def chosen(self, number: int) -> tuple[str, bool, random.Random]:
         """Tell of which kind an input is, whether that is a recording, and what else draws it."""
         rng = random.Random(f"{self.seed} {number}")
+        if self.kinds:
+            return rng.choice(self.kinds), False, rng
         recording = rng.random() < RECORDINGS
         return rng.choice([*(self.recordings if recording else self.files)]), recording, rng
 

@@ -6,6 +6,7 @@ import io
 import json
 import struct
 import tempfile
+from importlib.util import find_spec
 from pathlib import Path
 
 import numpy as np
@@ -13,6 +14,9 @@ from PIL import Image
 
 from hmrf_icp import PinholeCamera, PointCloud, se3
 from hmrf_icp.io import write_cloud
+
+_NEEDED = {".las": "laspy", ".laz": "lazrs", ".e57": "pye57"}
+"""Libraries without which these are left out."""
 
 RNG = np.random.default_rng(5)
 WIDTH, HEIGHT = 8, 6
@@ -99,6 +103,8 @@ def files() -> dict[str, tuple[str, bytes]]:
             ("npz-grid", ".npz", GRID),
         ):
             path = Path(folder) / f"c{suffix}"
+            if _NEEDED.get(suffix) and not find_spec(_NEEDED[suffix]):
+                continue
             write_cloud(path, cloud)
             found[name] = (suffix, path.read_bytes())
     return found
@@ -123,11 +129,11 @@ def cameras() -> dict[str, tuple[str, bytes]]:
         f"distortion_coefficients:\n  rows: 1\n  cols: 5\n  data: {numbers}\nroi: {{x_offset: 0}}\n"
     )
     kinect = {"CalibrationInformation": {"Cameras": [depth]}}
-    return {
+    found = {
         "camera-realsense": ("camera", json.dumps(realsense).encode()),
         "camera-kinect": ("camera", json.dumps(kinect).encode()),
-        "camera-ros": ("camera", ros.encode()),
     }
+    return found | ({"camera-ros": ("camera", ros.encode())} if find_spec("yaml") else {})
 
 
 def meshes() -> dict[str, tuple[str, bytes]]:
@@ -151,11 +157,13 @@ def meshes() -> dict[str, tuple[str, bytes]]:
     )
     ply += "".join(f"{x} {y} {z} 7\n" for x, y, z in corners)
     ply += "".join(f"3 {a} {b} {c}\n" for a, b, c in faces)
-    return {
+    drawn = {
         "obj": (".obj", obj.encode()),
         "stl-text": (".stl", (text + "endsolid made\n").encode()),
         "stl": (".stl", binary),
         "glb": (".glb", _glb(corners, faces)),
+    }
+    return (drawn if find_spec("trimesh") else {}) | {
         "ply-mesh": (".ply", ply.encode()),
         "bin": (".bin", np.c_[POINTS, POINTS[:, 0]].astype("<f4").tobytes()),
         "asc": (
@@ -167,6 +175,8 @@ def meshes() -> dict[str, tuple[str, bytes]]:
 
 def images(folder: Path) -> dict[str, tuple[str, bytes]]:
     """Depth maps in EXR, in two of its ways to pack them."""
+    if not find_spec("OpenEXR"):
+        return {}
     import OpenEXR
 
     found = {}

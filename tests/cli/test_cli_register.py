@@ -443,7 +443,9 @@ def test_depths_that_the_phone_is_not_sure_of_are_left_out(command, pair, tmp_pa
     sure[:, :12] = 0
     Image.fromarray(sure).save(tmp_path / "sure.png")
     masks = ("--source-confidence", tmp_path / "sure.png")
-    status, out, err = command(*pair, *INTRINSICS, *masks, "--output", tmp_path / "a.npy")
+    status, out, err = command(
+        "register", *pair, *INTRINSICS, *masks, "--output", tmp_path / "a.npy"
+    )
     assert status == 0, out + err
     assert np.isnan(np.load(tmp_path / "a.npy")[:, :12]).all()
     none = ("--target-confidence", tmp_path / "sure.png", "--min-confidence", "2")
@@ -460,7 +462,7 @@ def test_a_drawing_is_sampled_as_asked(command, tmp_path):
     (tmp_path / "roof.ply").write_text("\n".join([header, *rows, *faces, ""]))
     write_cloud(tmp_path / "scan.ply", read_cloud(tmp_path / "roof.ply", samples=1500))
     asked = ("--samples", "1200", "--output", tmp_path / "a.npy")
-    command(tmp_path / "roof.ply", tmp_path / "scan.ply", "--search", "near", *asked)
+    command("register", tmp_path / "roof.ply", tmp_path / "scan.ply", "--search", "near", *asked)
     assert np.load(tmp_path / "a.npy").shape == (1200, 3)
 
 

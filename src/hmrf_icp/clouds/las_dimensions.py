@@ -34,8 +34,11 @@ def las_dimensions(record: Any) -> tuple[NDArray[np.float64] | None, dict[str, N
         if name in _COORDINATES:
             continue
         values = np.array(record[name])
-        if values.dtype.kind not in "iufb" or values.ndim > 2 or not values.any():
+        if values.dtype.kind not in "iufb" or values.ndim > 2:
             continue
+        with np.errstate(invalid="ignore"):  # a NaN that signals
+            if not values.any():
+                continue
         if name in _RETURNS and (values == 1).all():
             continue
         held[name] = values.astype(values.dtype.newbyteorder("="))

@@ -2,25 +2,17 @@
 
 from __future__ import annotations
 
-import struct
 from pathlib import Path
-from typing import Any, NamedTuple
+from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
 
 from hmrf_icp.errors import InputError
-from hmrf_icp.io.files import reading, require_bounded
+from hmrf_icp.io.exr_outline import Window, read_outline
+from hmrf_icp.io.files import reading
 from hmrf_icp.io.optional import optional
 
-MOST_PIXELS = 100_000_000
-"""Images of more are taken for damaged."""
-
-_START = b"v/1\x01"
-_DEEP, _PARTS = 0x800, 0x1000
-"""Bits of the version."""
-
-_KINDS = {"FLOAT": np.float32, "HALF": np.float16, "UINT": np.uint32}
 _DEPTH = ("z", "depth", "v", "y")
 """Last part of the name of a channel of depth, in lower case, the likeliest first."""
 
@@ -43,56 +35,17 @@ def read_exr(path: Path) -> NDArray[np.float32]:
     """
     library = optional(path, "OpenEXR", "exr")
     with reading(path, "an EXR image"):
-        with path.open("rb") as stream:
-            start = stream.read(8)
-        if start[:4] != _START or len(start) < 8:
-            raise InputError(f"{path}: not an EXR image, its first bytes are {start!r}")
-        (flags,) = struct.unpack("<I", start[4:])
-        for bit, found in ((_DEEP, "several depths a pixel"), (_PARTS, "several images")):
-            if flags & bit:
-                raise InputError(f"{path}: an EXR file with {found}, expected one")
+        stored, shown, kinds = read_outline(path)
         # Not its File, which warns of pixels that it cannot read, and hands out zeros for them.
         image = library.InputFile(str(path))
         try:
-            header = image.header()
-            stored, shown = _windows(path, header)
-            channels = {}
-            for name, channel in header["channels"].items():
-                kind = _KINDS[str(channel).partition(" ")[0]]
-                values = np.frombuffer(image.channel(name), kind)
-                channels[str(name)] = values.reshape(stored.height, stored.width)
+            channels: dict[str, NDArray[Any]] = {
+                name: np.frombuffer(image.channel(name), kind).reshape(stored.height, stored.width)
+                for name, kind in kinds.items()
+            }
         finally:
             image.close()
         return _in_window(_chosen(path, channels), stored, shown)
-
-
-class _Window(NamedTuple):
-    left: int
-    top: int
-    width: int
-    height: int
-
-
-def _windows(path: Path, header: Any) -> tuple[_Window, _Window]:
-    """Return the pixels that are stored and those that are shown, if there is room for them."""
-    channels = header["channels"]
-    if any((each.xSampling, each.ySampling) != (1, 1) for each in channels.values()):
-        raise InputError(f"{path}: an EXR image with channels of fewer pixels than the others")
-    found = []
-    for name in ("dataWindow", "displayWindow"):
-        low, high = header[name].min, header[name].max
-        window = _Window(
-            int(low.x), int(low.y), int(high.x) - int(low.x) + 1, int(high.y) - int(low.y) + 1
-        )
-        pixels = window.width * window.height
-        if min(window.width, window.height) < 1 or pixels > MOST_PIXELS:
-            raise InputError(
-                f"{path}: an image of {window.width} x {window.height} pixels is larger than any "
-                "depth map, or its header is damaged"
-            )
-        require_bounded(path, path.stat().st_size, 4 * pixels * len(channels))
-        found.append(window)
-    return found[0], found[1]
 
 
 def _chosen(path: Path, channels: dict[str, NDArray[Any]]) -> NDArray[Any]:
@@ -111,7 +64,7 @@ def _chosen(path: Path, channels: dict[str, NDArray[Any]]) -> NDArray[Any]:
     )
 
 
-def _in_window(depth: NDArray[Any], stored: _Window, shown: _Window) -> NDArray[np.float32]:
+def _in_window(depth: NDArray[Any], stored: Window, shown: Window) -> NDArray[np.float32]:
     """Lay the pixels that are stored out on those that are shown."""
     left, top = stored.left - shown.left, stored.top - shown.top
     laid = np.full((shown.height, shown.width), np.nan, np.float32)
