@@ -22,7 +22,9 @@ def cloud_of(*shape):
     points = RNG.normal(size=(*shape, 3))
     attributes = {name: RNG.integers(0, 256, shape, np.uint8) for name in COLOURS}
     attributes["intensity"] = RNG.random(shape, np.float32)
-    return PointCloud(points, normals=RNG.normal(size=(*shape, 3)), attributes=attributes)
+    normals = RNG.normal(size=(*shape, 3))
+    normals /= np.linalg.norm(normals, axis=-1, keepdims=True)
+    return PointCloud(points, normals=normals, attributes=attributes)
 
 
 def through(folder, cloud, suffix):

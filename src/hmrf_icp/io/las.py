@@ -26,6 +26,7 @@ from hmrf_icp.io.columns import (
 )
 from hmrf_icp.io.files import reading, require_bounded
 from hmrf_icp.io.las_reference import doubts
+from hmrf_icp.io.laz_outline import check_chunks
 from hmrf_icp.io.optional import optional
 
 LARGEST = 2**31 - 1
@@ -67,7 +68,14 @@ def read_las(path: Path) -> PointCloud:
             count, record = int(header.point_count), int(header.point_format.size)
             held = path.stat().st_size - int(header.offset_to_point_data)
             if packed:
-                _check_chunks(path, stream, int(header.offset_to_point_data), count)
+                described = header.vlrs.get("LasZipVlr")
+                check_chunks(
+                    path,
+                    stream,
+                    int(header.offset_to_point_data),
+                    count,
+                    described[0].record_data if described else b"",
+                )
                 stream.seek(int(header.offset_to_point_data))
                 require_bounded(path, max(held, 0), count * record)
             elif count * record > held:
@@ -152,27 +160,6 @@ def _check_header(path: Path, stream: IO[bytes]) -> bool:
             f"{size:,} bytes found"
         )
     return bool(head[104] & _LAZ)
-
-
-def _check_chunks(path: Path, stream: IO[bytes], start: int, count: int) -> None:
-    """Refuse a table of chunks that the file cannot hold, before there is memory for it."""
-    size = path.stat().st_size
-    stream.seek(start)
-    place = stream.read(8)
-    if count and len(place) < 8:
-        raise InputError(f"{path}: cut short: it ends where the points should begin")
-    if not count:
-        return
-    (table,) = struct.unpack("<q", place)
-    if table == -1 and size >= 8:  # written by what could not go back: it stands at the end
-        stream.seek(size - 8)
-        (table,) = struct.unpack("<q", stream.read(8))
-    if not start + 8 <= table <= size - 8:
-        raise InputError(f"{path}: cut short or damaged: its table of chunks is not in the file")
-    stream.seek(table + 4)
-    (chunks,) = struct.unpack("<I", stream.read(4))
-    if chunks > min(count, size):
-        raise InputError(f"{path}: damaged: {chunks:,} chunks of {count:,} points promised")
 
 
 @contextmanager
