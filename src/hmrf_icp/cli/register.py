@@ -160,6 +160,15 @@ def register(
             f"one of: {', '.join(presets.aligner_names())}.",
         ),
     ] = None,
+    num_threads: Annotated[
+        int | None,
+        typer.Option(
+            metavar="N",
+            rich_help_panel=_METHOD,
+            help="Threads to use; all cores that the process may use where it is not given. The "
+            "result is the same with any number.",
+        ),
+    ] = None,
     output: Annotated[
         Path | None,
         typer.Option(
@@ -187,6 +196,14 @@ def register(
             help="Write a picture of the clouds before and after, the distances and the inliers.",
         ),
     ] = None,
+    profile: Annotated[
+        bool,
+        typer.Option(
+            "--profile",
+            rich_help_panel=_OUTPUT,
+            help="Print time and calls of each stage of the registration too.",
+        ),
+    ] = False,
     as_json: Annotated[
         bool,
         typer.Option(
@@ -259,10 +276,14 @@ def register(
                     aligner=None if aligner is None else presets.aligner(aligner),
                     viewpoint=None if viewpoint == "none" else "auto",
                     search=cast("Where", search),
+                    num_threads=num_threads,
+                    profile=profile,
                     on_iteration=bar,
                 )
             bar.stage("Writing")
-            written = outputs.write(moving, staying, result)
+            called = " with ".join(name for name in (preset, rejector, aligner) if name)
+            names = source.name, target.name
+            written = outputs.write(moving, staying, result, start, names, called)
     finally:
         # Also where writing failed: a full disk must not cost the result as well.
         if result is not None:
@@ -305,9 +326,9 @@ def _read(
     lens: Intrinsics | None,
     depth_scale: float | None,
     max_depth: float | None,
-    samples: int | None,
-    confidence: Path | None,
-    min_confidence: float,
+    samples: int | None = None,
+    confidence: Path | None = None,
+    min_confidence: float = 1,
 ) -> tuple[PointCloud, bool]:
     """Read a cloud, and say whether it came from a depth map."""
     from hmrf_icp.clouds.cloud import PointCloud

@@ -13,6 +13,9 @@ from hmrf_icp.errors import InputError
 SATURATED = 65535
 """The value that 16-bit depth recorders write for "too far", beside 0 for "nothing seen"."""
 
+SAMPLE = 10_000
+"""Pixels that are enough to tell how far most are."""
+
 FAR = 100.0
 """Median depth in metres above which a map was probably written in millimetres: depth cameras see
 some metres, and rooms in millimetres begin at some hundred."""
@@ -61,8 +64,11 @@ def in_metres(
     if raw.dtype == np.uint16:
         unobserved |= raw == SATURATED
     metres /= scale
-    seen = metres[~unobserved]
-    notes = () if depth_scale is not None else _doubts(seen, raw.dtype.kind == "f")
+    notes: tuple[str, ...] = ()
+    if depth_scale is None:
+        every = max(1, metres.size // SAMPLE)
+        some = metres.ravel()[::every][~unobserved.ravel()[::every]]
+        notes = _doubts(some, raw.dtype.kind == "f")
     if max_depth is not None:
         unobserved |= metres > max_depth
     metres[unobserved] = np.nan
