@@ -6,6 +6,7 @@ import os
 import time
 import warnings
 from collections.abc import Callable
+from dataclasses import replace
 from typing import Literal, TypeAlias, get_args
 
 import numpy as np
@@ -166,8 +167,9 @@ def _register(
     warn_of_units(moving, fixed, stacklevel + 1)
     near = init is not None if search == "auto" else search == "near"
     begin = between_origins(start, moving, fixed)
+    told = None if on_iteration is None else in_frames(on_iteration, moving, fixed)
     with Compilation() as compilation:
-        found = method.run(moving, fixed, begin, near, on_iteration)
+        found = method.run(moving, fixed, begin, near, told)
     seconds = time.perf_counter() - started - compilation.seconds
     loop = found.loop if isinstance(found, SearchResult) else found
     if loop.stuck:
@@ -217,7 +219,7 @@ def described(
         iterations=len(loop.history),
         em_iterations=loop.em_iterations,
         seconds=seconds,
-        history=loop.history,
+        history=tuple(as_given(iteration, source, target) for iteration in loop.history),
         # About a point: the same in both frames.
         information=None if information is None else about_origin(information, -middle),
         centre=middle + target.origin,
@@ -246,6 +248,23 @@ def between_frames(
     moved: NDArray[np.float64] = transformation.copy()
     moved[:3, 3] += target.origin - transformation[:3, :3] @ source.origin
     return moved
+
+
+def as_given(iteration: Iteration, source: PreparedCloud, target: PreparedCloud) -> Iteration:
+    """Say of an iteration on the prepared clouds what it is in the frames as given."""
+    pose = iteration.transformation
+    if pose is None:
+        return iteration
+    pose = between_frames(pose, source, target)
+    pose.flags.writeable = False
+    return replace(iteration, transformation=pose)
+
+
+def in_frames(
+    told: Callable[[Iteration], None], source: PreparedCloud, target: PreparedCloud
+) -> Callable[[Iteration], None]:
+    """Let somebody be told of iterations in the frames as given."""
+    return lambda iteration: told(as_given(iteration, source, target))
 
 
 def _read(cloud: Registrable, name: str) -> PreparedCloud | PointCloudLike:

@@ -74,6 +74,9 @@ class Iteration:
         Root mean square distance of the inliers before its motion, metres.
     parameters
         What the rejection learnt: means and deviations or a threshold, metres.
+    transformation
+        (4, 4) the pose after its motion, source to target; None of a method that does not say.
+        It follows from the motions, and takes no part in comparisons.
     """
 
     iteration: int
@@ -83,6 +86,7 @@ class Iteration:
     step_rotation: float
     inlier_rmse: float
     parameters: Mapping[str, float]
+    transformation: Array | None = field(default=None, compare=False, repr=False)
 
     def __post_init__(self) -> None:
         """Take any mapping of parameters, and keep one that pickles."""
@@ -180,6 +184,7 @@ class Loop:
                     step_rotation=se3.rotation_angle(step.motion),
                     inlier_rmse=rms(matches.distance[labels.inlier]),
                     parameters=labels.parameters,
+                    transformation=source.transformation,
                 )
             )
             em_before = 0
