@@ -68,6 +68,11 @@ class Correspondences:
         self._pose, self._decide = transformation, decide
         self.shape = source.cloud.shape
 
+    @property
+    def clouds(self) -> tuple[PreparedCloud, PreparedCloud] | None:
+        """The source and the target; None of a copy."""
+        return (self._source, self._target) if hasattr(self, "_source") else None
+
     @cached_property
     def matched(self) -> Matched:
         """The closest target point of every source point, and the label of each."""
