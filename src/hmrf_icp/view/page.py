@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import html
 import os
+from collections.abc import Sequence
 from importlib.resources import files
 
 from hmrf_icp.io.whole import written_whole
@@ -17,28 +18,33 @@ POLICY = "default-src 'none'; script-src 'unsafe-inline'; style-src 'unsafe-inli
 """What a browser may load for such a page: nothing that is not in it."""
 
 
-def page(story: Story, back: str = "") -> str:
+def page(story: Story, links: Sequence[tuple[str, str]] = ()) -> str:
     """Write the page of a story.
 
     Parameters
     ----------
     story
         What it shows.
-    back
-        Where a link at the top leads; empty for none.
+    links
+        Addresses and words of links at the top.
     """
     head, block = packed(story)
-    link = f'<a class="back" href="{html.escape(back)}">All pairs</a>' if back else ""
     return filled(
         "page.html",
         title=html.escape(story.title),
         policy=POLICY,
-        style=asset("page.css"),
-        back=link,
+        style=asset("theme.css") + asset("page.css"),
+        links=anchors(links),
         head=head,
         block=block,
         script="\n".join(asset(name) for name in SCRIPTS),
     )
+
+
+def anchors(links: Sequence[tuple[str, str]]) -> str:
+    """Write links."""
+    each = (f'<a href="{html.escape(to)}">{html.escape(words)}</a>' for to, words in links)
+    return f"<nav>{' '.join(each)}</nav>" if links else ""
 
 
 def write_html(story: Story, path: str | os.PathLike[str]) -> None:
@@ -55,7 +61,7 @@ def write_html(story: Story, path: str | os.PathLike[str]) -> None:
 
 def asset(name: str) -> str:
     """Read one of the files that pages are made of."""
-    return files("hmrf_icp.view").joinpath("assets", name).read_text(encoding="utf-8")
+    return files("hmrf_icp.view").joinpath("assets").joinpath(name).read_text(encoding="utf-8")
 
 
 def filled(name: str, **parts: str) -> str:

@@ -4,7 +4,6 @@ from __future__ import annotations
 
 from collections.abc import Mapping
 from dataclasses import dataclass
-from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
@@ -207,9 +206,11 @@ class Story:
         mine, theirs = self.source.viewpoint, self.target.viewpoint
         if not self.views or mine is None or theirs is None:
             return np.zeros((0, 2, 3))
+        ours = self.source.points[blocked(moment.of_source)].astype(np.float64)
+        onto = self.target.points[blocked(moment.of_target)].astype(np.float64)
         rays = [
-            _rays(theirs, se3.transform(moment.pose, self.source.points[blocked(moment.of_source)])),
-            _rays(se3.transform(moment.pose, mine), self.target.points[blocked(moment.of_target)]),
+            _rays(theirs, se3.transform(moment.pose, ours)),
+            _rays(se3.transform(moment.pose, mine), onto),
         ]
         return np.concatenate(rays)
 
@@ -220,5 +221,5 @@ def blocked(codes: NDArray[np.uint8]) -> NDArray[np.intp]:
     return rows[:: max(1, -(-len(rows) // (MOST_RAYS // 2)))]
 
 
-def _rays(viewpoint: NDArray[Any], points: NDArray[Any]) -> Array:
+def _rays(viewpoint: Array, points: Array) -> Array:
     return np.stack([np.broadcast_to(viewpoint, points.shape), points], axis=1)
