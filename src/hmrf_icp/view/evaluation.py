@@ -32,7 +32,7 @@ MOST_ROWS = 1000
 KEPT = 8
 """Pages that are kept: going back to one does not register again."""
 
-HEADINGS = ("Run", "Pair", "Overlap", "Start", "Error", "Confidence", "Outcome")
+HEADINGS = ("Run", "Pair", "Outcome", "Error", "Confidence", "Overlap", "Start")
 
 
 class EvaluationPages:
@@ -90,6 +90,7 @@ class EvaluationPages:
         wrong = int(np.count_nonzero(~study.solved[order]))
         several = len(study.runs.methods) > 1
         links = [(f"?method={quote(name)}", name) for name in study.runs.methods if several]
+        here = f"?method={quote(method)}"
         said = f"{len(order):,} runs of {method}, {wrong:,} of them wrong"
         cut = "" if len(order) <= MOST_ROWS else f" The table holds the worst {MOST_ROWS:,}."
         rows = "\n".join(self._row(index) for index in order[:MOST_ROWS])
@@ -102,7 +103,7 @@ class EvaluationPages:
             f'<div class="wide"><table><thead><tr>{heads}</tr></thead>'
             f"<tbody>\n{rows}\n</tbody></table></div>"
         )
-        return _plain_page(f"Runs on {study.dataset}", links, content)
+        return _plain_page(f"Runs on {study.dataset}", links, content, here)
 
     def _row(self, index: int) -> str:
         runs, study = self._study.runs, self._study
@@ -122,11 +123,11 @@ class EvaluationPages:
         cells = (
             f'<th scope="row"><a href="run/{line}">{line}</a></th>',
             f"<td>{html.escape(self._name(index))}</td>",
-            f"<td>{float(runs['overlap'][index]):.2f}</td>",
-            f"<td>{html.escape(self._start(index))}</td>",
+            f'<td><{mark} class="{style}">{html.escape(outcome)}</{mark}></td>',
             f"<td>{html.escape(error)}</td>",
             f"<td>{f'{confidence:.2f}' if told else '–'}</td>",
-            f'<td><{mark} class="{style}">{html.escape(outcome)}</{mark}></td>',
+            f"<td>{float(runs['overlap'][index]):.2f}</td>",
+            f"<td>{html.escape(self._start(index))}</td>",
         )
         return f"<tr>{''.join(cells)}</tr>"
 
@@ -209,13 +210,13 @@ class EvaluationPages:
         return story_of_pose(*clouds, problem.init, end, said, problem.truth, names)
 
 
-def _plain_page(title: str, links: Sequence[tuple[str, str]], content: str) -> str:
+def _plain_page(title: str, links: Sequence[tuple[str, str]], content: str, here: str = "") -> str:
     return filled(
         "table.html",
         title=html.escape(title),
         policy=POLICY,
         style=asset("theme.css") + asset("table.css"),
         heading=html.escape(title),
-        links=anchors(links),
+        links=anchors(links, here),
         content=content,
     )

@@ -41,9 +41,13 @@ def page(story: Story, links: Sequence[tuple[str, str]] = ()) -> str:
     )
 
 
-def anchors(links: Sequence[tuple[str, str]]) -> str:
-    """Write links."""
-    each = (f'<a href="{html.escape(to)}">{html.escape(words)}</a>' for to, words in links)
+def anchors(links: Sequence[tuple[str, str]], here: str = "") -> str:
+    """Write links; the one that leads ``here`` is marked."""
+    each = (
+        f'<a href="{html.escape(to)}"{" aria-current=page" if to == here else ""}>'
+        f"{html.escape(words)}</a>"
+        for to, words in links
+    )
     return f"<nav>{' '.join(each)}</nav>" if links else ""
 
 

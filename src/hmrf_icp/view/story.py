@@ -20,7 +20,7 @@ WITH_VIEWS = (
     "agrees with what was seen",
     "in front: free space violated",
     "hidden behind what was seen",
-    "outside the other's view",
+    "outside what the other saw",
     "faces another way",
 )
 """What a code of :mod:`hmrf_icp.kernels.range_image` says, in words."""

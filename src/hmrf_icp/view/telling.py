@@ -76,11 +76,12 @@ def story(
     source, target = clouds
     recorded = () if recording is None else recording.iterations
     end, middle = result.transformation, result.centre - target.origin
+    off = "" if truth is None else f"It is {words.apart(end, se3.as_rigid(truth, 'truth'))}. "
     said = Said(
         verdict=_sentence(result.verdict),
         believed=result.believed,
-        advice="" if result.advice is None else _sentence(result.advice),
-        facts=(*words.facts(result), *_error(end, truth)),
+        advice=off + ("" if result.advice is None else _sentence(result.advice)),
+        facts=tuple(words.facts(result)),
         free=tuple(_free(one, target.origin, middle) for one in result.degenerate),
     )
     told = _Telling(source, target, names, points)
@@ -98,9 +99,11 @@ def story_of_pose(
     names: tuple[str, str] = ("source", "target"),
 ) -> Story:
     """Tell of a pose (4, 4) of a method that says nothing more of it than ``said``."""
-    facts = ("Motion", words.motion(end)), *_error(end, truth)
+    off = "" if truth is None else f"It is {words.apart(end, se3.as_rigid(truth, 'truth'))}."
+    facts = (("Motion", words.motion(end)),)
     passed = steps(se3.as_rigid(init, "init"), end, ())
-    return _Telling(source, target, names, POINTS)(passed, Said(said, facts=facts), truth)
+    told = _Telling(source, target, names, POINTS)
+    return told(passed, Said(said, None, off, facts), truth)
 
 
 class _Telling:
@@ -208,13 +211,6 @@ def _free(motion: FreeMotion, origin: Array, middle: Array) -> Free:
         through = through + motion.direction * float(motion.direction @ (middle - through))
     direction = tuple(motion.direction.tolist())
     return Free(str(motion), motion.rotation, direction, tuple(through.tolist()))
-
-
-def _error(end: Array, truth: ArrayLike | None) -> tuple[tuple[str, str], ...]:
-    if truth is None:
-        return ()
-    metres, radians = se3.error(end, se3.as_rigid(truth, "truth"))
-    return (("Error", f"{words.length(metres)} and {words.angle(radians)} from the true pose"),)
 
 
 def _sentence(text: str) -> str:

@@ -14,6 +14,18 @@ UNITLESS = ("beta", "share", "shape", "spread")
 """What the name of a parameter that is no length ends in; see :mod:`hmrf_icp.field.residuals`."""
 
 
+PARAMETERS = {
+    "mu_in": "inliers’ mean",
+    "sigma_in": "inliers’ deviation",
+    "mu_out": "outliers’ mean",
+    "sigma_out": "outliers’ deviation",
+    "inlier_sigma": "inliers’ deviation",
+    "outlier_maximum": "outliers’ maximum",
+    "share": "share of inliers, expected",
+}
+"""What some parameters are called; others by their own names."""
+
+
 def length(metres: float) -> str:
     """Say a length in the unit that needs no zeros."""
     if metres == 0.0 or not math.isfinite(metres):
@@ -35,6 +47,12 @@ def motion(pose: Array) -> str:
     return f"{length(se3.translation_norm(pose))}, {angle(se3.rotation_angle(pose))}"
 
 
+def apart(pose: Array, truth: Array) -> str:
+    """Say how far a pose is off the true one."""
+    metres, radians = se3.error(pose, truth)
+    return f"{length(metres)} and {angle(radians)} from the true pose"
+
+
 def facts(result: RegistrationResult) -> Iterator[tuple[str, str]]:
     """Yield what a result says of itself, name and value."""
     yield "Overlap", f"{result.overlap:.1%} of the source's surface"
@@ -52,12 +70,12 @@ def numbers(iteration: Iteration | None) -> dict[str, float]:
     told = {
         "inliers, share": iteration.inlier_share,
         "RMSE of inliers, m": iteration.inlier_rmse,
-        "step, m": iteration.step_translation,
-        "step, degrees": math.degrees(iteration.step_rotation),
+        "shift of a step, m": iteration.step_translation,
+        "turn of a step, degrees": math.degrees(iteration.step_rotation),
         "EM steps": float(iteration.em_iterations),
     }
     for name, value in iteration.parameters.items():
         if name != "iteration":
-            words = name.replace("_", " ")
+            words = PARAMETERS.get(name, name.replace("_", " "))
             told[words if name.endswith(UNITLESS) else f"{words}, m"] = float(value)
     return {name: value for name, value in told.items() if math.isfinite(value)}

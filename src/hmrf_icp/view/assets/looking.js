@@ -12,12 +12,14 @@ const turned = (v, axis, by) => {
 };
 
 const FOCAL = 1.6; // of half the smaller side: 64 degrees across it
-const FITTING = 0.9; // times the distance at which a sphere round all would fill the smaller side
+const INSIDE = 0.993, MARGIN = 1.05; // share of the points that is to be seen, and room beside them
 
 class Looking {
-  // frame: rows right, up, towards; box: what is to be seen, {centre, radius}.
-  constructor(frame, box) {
+  // frame: rows right, up, towards; box: what is to be seen, {centre, radius, some};
+  // size: gives width and height of the view.
+  constructor(frame, box, size) {
     this.box = box;
+    this.size = size;
     this.first = [frame.slice(0, 3), frame.slice(3, 6), frame.slice(6, 9)];
     const most = [0, 1, 2].reduce((a, b) => Math.abs(this.first[1][b]) > Math.abs(this.first[1][a]) ? b : a);
     this.axis = [0, 0, 0];
@@ -27,8 +29,7 @@ class Looking {
 
   reset() {
     [this.right, this.up, this.towards] = this.first;
-    this.centre = this.box.centre;
-    this.away = this.box.radius * FOCAL * FITTING;
+    this.fit();
   }
 
   // Look from a place towards the centre.
@@ -39,12 +40,31 @@ class Looking {
     this.level(unit(offset));
   }
 
-  above() {
+  // Go as near as leaves all but a few stray points inside, with as much room left as right.
+  fit() {
+    const [width, height] = this.size(), side = FOCAL * Math.min(width, height), {some} = this.box;
+    const sorted = values => Float64Array.from(values).sort();
+    const most = Math.floor(INSIDE * (some.length - 1)), least = some.length - 1 - most;
     this.centre = this.box.centre;
-    this.away = this.box.radius * FOCAL * FITTING;
+    for (let k = 0; k < 5; k++) {
+      const places = some.map(p => {
+        const d = plus(p, this.centre, -1);
+        return [dot(d, this.right), dot(d, this.up), dot(d, this.towards)];
+      });
+      this.away = Math.max(0.1 * this.box.radius, sorted(places.map(([x, y, z]) =>
+        z + MARGIN * side * Math.max(Math.abs(x) / width, Math.abs(y) / height)))[most]);
+      [this.right, this.up].forEach((axis, a) => {
+        const seen = sorted(places.map(p => p[a] / Math.max(this.away - p[2], 0.01 * this.away)));
+        this.centre = plus(this.centre, axis, 0.5 * (seen[least] + seen[most]) * this.away);
+      });
+    }
+  }
+
+  above() {
     this.towards = this.axis;
     this.right = unit(plus(this.first[0], this.axis, -dot(this.first[0], this.axis)));
     this.up = cross(this.towards, this.right);
+    this.fit();
   }
 
   level(towards) {

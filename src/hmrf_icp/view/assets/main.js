@@ -21,15 +21,20 @@ async function read() {
   return fill(story);
 }
 
-// Centre and radius of most of the target and of the source where it ends.
+// Centre and radius of most of the target and of the source where it ends, and some of the points.
 function surroundings(clouds) {
-  const low = [], high = [];
+  const low = [], high = [], some = [];
+  for (const {points} of clouds) {
+    const step = 3 * Math.max(1, Math.floor(points.length / 6000));
+    for (let i = 0; i + 2 < points.length; i += step) some.push([points[i], points[i + 1], points[i + 2]]);
+  }
   for (let k = 0; k < 3; k++) {
-    const values = clouds.flatMap(cloud => Array.from(cloud.points.filter((_, i) => i % 3 === k))).sort((a, b) => a - b);
+    const values = some.map(p => p[k]).sort((a, b) => a - b);
     low.push(values[Math.floor(0.01 * values.length)]);
     high.push(values[Math.ceil(0.99 * values.length) - 1]);
   }
   return {
+    some,
     centre: low.map((x, k) => 0.5 * (x + high[k])),
     radius: 0.5 * Math.hypot(...high.map((x, k) => x - low[k])) || 1,
   };
@@ -39,7 +44,10 @@ function begin(story) {
   const {moments, source, target, free} = story, wrong = story.believed === false;
   const placed = moments.map(() => null), dark = matchMedia("(prefers-color-scheme: dark)");
   const at = i => placed[i] ||= moved(source, moments[i].pose);
-  const look = new Looking(story.frame, surroundings([target, at(story.result)]));
+  const look = new Looking(story.frame, surroundings([target, at(story.result)]), () => {
+    const box = byId("view").getBoundingClientRect();
+    return [box.width || 1, box.height || 1];
+  });
   const points = new Points(byId("points")), lines = new Lines(byId("lines"));
   const plots = new Plots(story, byId("plots"));
   const state = {
@@ -167,7 +175,7 @@ function begin(story) {
     byId("verdict").textContent = story.verdict;
     byId("verdict").className = story.believed === null ? "" : wrong ? "bad" : "good";
     byId("advice").textContent = story.advice;
-    byId("stamp").textContent = "NOT convincing";
+    byId("stamp").textContent = story.verdict.split(/[,(.]/)[0];
     for (const [name, value] of story.facts) {
       const [dt, dd] = ["dt", "dd"].map(tag => byId("facts").appendChild(document.createElement(tag)));
       [dt.textContent, dd.textContent] = [name, value];

@@ -19,7 +19,7 @@ function histogram(story, moment) {
     return `<line class="axis" x1="${x(d)}" x2="${x(d)}" y1="0" y2="${tall + 3}"/><text x="${at}" y="${tall + 15}" text-anchor="middle">${metres(d)}</text>`;
   });
   return `<svg viewBox="0 0 ${WIDE} ${tall + 19}" role="img" aria-label="Histogram of distances">${ticks.join("")}${bars.join("")}</svg>`
-    + `<p class="quiet">Share of the source’s points, bins of equal ratio; the last holds what is farther.</p>`;
+    + `<p class="quiet">Up to ${(100 * most).toPrecision(2)} % of the source’s points in a bin of equal ratio; the last holds what is farther.</p>`;
 }
 
 // One plot for each number that changes; those that never do are told in a line.
@@ -56,7 +56,7 @@ class Plots {
       ? `<polyline class="curve${chosen ? " chosen" : ""}" points="${at.join(" ")}"/>`
       : `<circle class="curve${chosen ? " chosen" : ""}" r="1.5" cx="${at[0].split(",")[0]}" cy="${at[0].split(",")[1]}"/>`);
     const label = plain(name.replace(/, (m|degrees|share)$/, ""));
-    return `<div class="plot"><p><span>${label}${log ? " (log)" : ""}</span><b></b></p><svg viewBox="0 0 ${WIDE} ${tall}" role="img" aria-label="${label} over the timeline"><line class="axis" x1="0" x2="${WIDE}" y1="${tall - 0.5}" y2="${tall - 0.5}"/>${curves.join("")}<line class="cursor" y1="0" y2="${tall}"/></svg></div>`;
+    return `<div class="plot"><p><span>${label} <small>${shownNumber(name, low)} to ${shownNumber(name, high)}${log ? ", log" : ""}</small></span><b></b></p><svg viewBox="0 0 ${WIDE} ${tall}" role="img" aria-label="${label} over the timeline"><line class="axis" x1="0" x2="${WIDE}" y1="${tall - 0.5}" y2="${tall - 0.5}"/>${curves.join("")}<line class="cursor" y1="0" y2="${tall}"/></svg></div>`;
   }
 
   at(i) {
@@ -78,6 +78,7 @@ function runStrip(svg, moments) {
     if (last && last.run === one.run && last.chosen === one.chosen) last.end = i + 1;
     else stretches.push({run: one.run, chosen: one.chosen, begin: i, end: i + 1});
   });
+  const gap = 0.002 * moments.length;
   svg.innerHTML = stretches.map(({chosen, begin, end}) =>
-    `<rect x="${begin + 0.08}" width="${end - begin - 0.16}" y="1" height="7" fill="var(--${chosen ? "accent" : "mute"})"/>`).join("");
+    `<rect x="${begin + gap}" width="${end - begin - 2 * gap}" y="1" height="7" fill="var(--${chosen ? "accent" : "mute"})"/>`).join("");
 }
