@@ -58,7 +58,7 @@ class Points {
       const w = away - (x * tx + y * ty + z * tz);
       if (w <= near) continue;
       const k = f / w;
-      const side = Math.round(Math.min(Math.max(k * spacing, least), most));
+      const side = Math.round(Math.min(Math.max(1.25 * k * spacing, least), most));
       const left = Math.round(0.5 * width + k * (x * rx + y * ry + z * rz) - 0.5 * side);
       const top = Math.round(0.5 * height - k * (x * ux + y * uy + z * uz) - 0.5 * side);
       if (left >= width || top >= height || left + side <= 0 || top + side <= 0) continue;

@@ -12,7 +12,7 @@ const turned = (v, axis, by) => {
 };
 
 const FOCAL = 1.6; // of half the smaller side: 64 degrees across it
-const INSIDE = 0.993, MARGIN = 1.05; // share of the points that is to be seen, and room beside them
+const INSIDE = 0.985, MARGIN = 1.15; // share of the points that is to be seen, and room beside them
 
 class Looking {
   // frame: rows right, up, towards; box: what is to be seen, {centre, radius, some};

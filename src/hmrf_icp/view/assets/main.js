@@ -156,7 +156,7 @@ function begin(story) {
     byId("histogram").innerHTML = histogram(story, moment);
     plots.at(state.moment);
     const count = allRays().length;
-    byId("rays-note").textContent = !story.views ? "no viewpoint is known" : count ? "" : "none here";
+    byId("rays-note").textContent = !story.views ? "needs viewpoints" : count ? "" : "none here";
     recolour();
   }
 

@@ -15,7 +15,7 @@ function histogram(story, moment) {
   const decades = [];
   for (let k = Math.ceil(Math.log10(edges[0])); 10 ** k <= edges[n]; k++) decades.push(10 ** k);
   const ticks = decades.map(d => {
-    const at = Math.min(Math.max(x(d), 14), WIDE - 14);
+    const at = Math.min(Math.max(x(d), 20), WIDE - 20);
     return `<line class="axis" x1="${x(d)}" x2="${x(d)}" y1="0" y2="${tall + 3}"/><text x="${at}" y="${tall + 15}" text-anchor="middle">${metres(d)}</text>`;
   });
   return `<svg viewBox="0 0 ${WIDE} ${tall + 19}" role="img" aria-label="Histogram of distances">${ticks.join("")}${bars.join("")}</svg>`
