@@ -150,9 +150,11 @@ function begin(story) {
     const note = moment.run ? (moment.chosen ? "led to the result" : "given up for another") : "";
     byId("moment").innerHTML = `${moment.title}<small>${note || `${state.moment + 1} of ${moments.length}`}</small>`;
     for (const button of byId("switch").children) button.setAttribute("aria-pressed", Number(button.value) === state.moment);
-    const shown = wrong && state.moment === story.result;
-    byId("view").classList.toggle("wrong", shown);
-    byId("stamp").hidden = !shown;
+    const bad = wrong && state.moment === story.result, given = moment.run > 0 && !moment.chosen;
+    byId("view").classList.toggle("wrong", bad);
+    byId("stamp").hidden = !bad && !given;
+    byId("stamp").className = bad ? "bad" : "";
+    byId("stamp").textContent = bad ? story.verdict.split(/[,(.]/)[0] : "given up";
     byId("histogram").innerHTML = histogram(story, moment);
     plots.at(state.moment);
     const count = allRays().length;
@@ -175,7 +177,6 @@ function begin(story) {
     byId("verdict").textContent = story.verdict;
     byId("verdict").className = story.believed === null ? "" : wrong ? "bad" : "good";
     byId("advice").textContent = story.advice;
-    byId("stamp").textContent = story.verdict.split(/[,(.]/)[0];
     for (const [name, value] of story.facts) {
       const [dt, dd] = ["dt", "dd"].map(tag => byId("facts").appendChild(document.createElement(tag)));
       [dt.textContent, dd.textContent] = [name, value];
