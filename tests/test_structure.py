@@ -17,7 +17,7 @@ pytestmark = pytest.mark.skipif(
 )
 
 FLOORS = (
-    ("errors", "frozen", "kernels"),
+    ("errors", "frozen", "kernels", "stages"),
     ("se3", "threads"),
     ("clouds",),
     ("io", "synthetic"),

@@ -25,6 +25,7 @@ from hmrf_icp.result import RegistrationResult
 from hmrf_icp.search.coarse_to_fine import CoarseToFine
 from hmrf_icp.search.visibility import Visibility
 from hmrf_icp.search.visible_match import VisibleMatch
+from hmrf_icp.stages import Stage
 
 __version__ = "0.2.0"
 
@@ -54,6 +55,7 @@ __all__ = [
     "RegistrationResult",
     "RegistrationWarning",
     "RelativeCriteria",
+    "Stage",
     "Symmetric",
     "Visibility",
     "VisibleMatch",

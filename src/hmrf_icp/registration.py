@@ -27,6 +27,7 @@ from hmrf_icp.loop.reject import Labels, Rejector
 from hmrf_icp.presets import AlignerName, PresetName, Registrar, RejectorName
 from hmrf_icp.result import RegistrationResult
 from hmrf_icp.search.coarse_to_fine import SearchResult
+from hmrf_icp.stages import Stopwatch, stage, timed_by
 
 Registrable: TypeAlias = PreparedCloud | PointCloudLike | str | os.PathLike[str]
 """A cloud, anything that is taken for one, or the file that it is in."""
@@ -50,6 +51,7 @@ def register(
     viewpoint: ArrayLike | Literal["auto"] | None = "auto",
     search: Where = "auto",
     num_threads: int | None = None,
+    profile: bool = False,
     on_iteration: Callable[[Iteration], None] | None = None,
 ) -> RegistrationResult:
     """Find the rigid motion that takes ``source`` onto ``target``.
@@ -90,6 +92,8 @@ def register(
         Threads that look for neighbours, at most the cores that this process may use, which
         is also the default. The result is the same with any number, and none of them
         outlives the call.
+    profile
+        Whether time and calls of each stage are kept, in :attr:`RegistrationResult.profile`.
     on_iteration
         Called with an :class:`Iteration` after each, for progress. The default runs
         Algorithm 1 from several candidates: it is called for those of all of them, and
@@ -121,8 +125,9 @@ def register(
     >>> bool(np.allclose(result.transformation, shift, atol=1e-6))
     True
     """
-    with threads.using(num_threads), interruptible():
-        return _register(
+    watch = Stopwatch() if profile else None
+    with threads.using(num_threads), interruptible(), timed_by(watch):
+        result = _register(
             source,
             target,
             init,
@@ -132,6 +137,7 @@ def register(
             on_iteration,
             stacklevel=3,
         )
+    return result if watch is None else replace(result, profile=watch.stages)
 
 
 def _register(
@@ -147,9 +153,9 @@ def _register(
     from hmrf_icp.kernels.compilation import Compilation
 
     started = time.perf_counter()
-    moving, fixed = (
-        prepare(_read(cloud, name), name, viewpoint)
-        for cloud, name in ((source, "source"), (target, "target"))
+    moving, fixed = threads.current().map(
+        lambda given: prepare(_read(*given), given[1], viewpoint),
+        ((source, "source"), (target, "target")),
     )
     start = se3.as_rigid(init, "init")
     far = float(np.abs(start[:3, 3]).max())
@@ -198,6 +204,7 @@ def _register(
     return result
 
 
+@stage("description")
 def described(
     found: LoopResult | SearchResult, source: PreparedCloud, target: PreparedCloud, seconds: float
 ) -> RegistrationResult:

@@ -16,6 +16,7 @@ from hmrf_icp.loop.correspondences import Correspondences
 from hmrf_icp.loop.degeneracy import FreeMotion
 from hmrf_icp.loop.icp import Iteration, rms
 from hmrf_icp.search.visibility import Visibility
+from hmrf_icp.stages import Stage
 
 if TYPE_CHECKING:
     from hmrf_icp.view.recording import Recording
@@ -72,6 +73,9 @@ class RegistrationResult:
         not at all; printed, it says so with the numbers.
     correspondences
         What the properties below are read from.
+    profile
+        Time and calls of each :class:`hmrf_icp.Stage`, the longest first, where
+        :func:`hmrf_icp.register` was asked for a profile; None otherwise.
 
     Examples
     --------
@@ -100,6 +104,7 @@ class RegistrationResult:
     source_view: SensorView
     target_view: SensorView
     correspondences: Correspondences = field(repr=False)
+    profile: tuple[Stage, ...] | None = field(default=None, repr=False, compare=False)
 
     @property
     def believed(self) -> bool:

@@ -127,6 +127,15 @@ def register(
             f"one of: {', '.join(presets.aligner_names())}.",
         ),
     ] = None,
+    num_threads: Annotated[
+        int | None,
+        typer.Option(
+            metavar="N",
+            rich_help_panel=_METHOD,
+            help="Threads to use; all cores that the process may use where it is not given. The "
+            "result is the same with any number.",
+        ),
+    ] = None,
     output: Annotated[
         Path | None,
         typer.Option(
@@ -188,6 +197,14 @@ def register(
             help="Port of the viewer, on this machine alone.",
         ),
     ] = 0,
+    profile: Annotated[
+        bool,
+        typer.Option(
+            "--profile",
+            rich_help_panel=_OUTPUT,
+            help="Print time and calls of each stage of the registration too.",
+        ),
+    ] = False,
     as_json: Annotated[
         bool,
         typer.Option(
@@ -260,6 +277,8 @@ def register(
                     aligner=None if aligner is None else presets.aligner(aligner),
                     viewpoint=None if viewpoint == "none" else "auto",
                     search=cast("Where", search),
+                    num_threads=num_threads,
+                    profile=profile,
                     on_iteration=recording,
                 )
             bar.stage("Writing")

@@ -11,6 +11,7 @@ from typing import Any
 
 from hmrf_icp import se3
 from hmrf_icp.result import RegistrationResult, count
+from hmrf_icp.stages import Stage
 
 _NUMBERS = (
     "transformation",
@@ -50,6 +51,8 @@ def summary(
         "  transformation, source to target:",
         *("  " + " ".join(f"{value:13.8f}" for value in row) for row in motion.tolist()),
     ]
+    if result.profile is not None:
+        lines += ["", *_stages(result.profile)]
     if written:
         lines += ["", *(f"  written: {path}" for path in written)]
     return "\n".join(lines)
@@ -73,6 +76,8 @@ def json_text(result: RegistrationResult, also: Mapping[str, Any]) -> str:
     content["degenerate"] = [
         {"motion": str(motion), "twist": motion.twist} for motion in result.degenerate
     ]
+    if result.profile is not None:
+        content["profile"] = [asdict(stage) for stage in result.profile]
     return json.dumps(_plain(content | dict(also)), allow_nan=False)
 
 
@@ -84,6 +89,17 @@ def _views(result: RegistrationResult) -> list[str]:
         f"  source seen  {result.source_view}",
         f"  target seen  {result.target_view}",
     ]
+
+
+def _stages(profile: Sequence[Stage]) -> list[str]:
+    """Lines of a table of the stages, the longest first."""
+    total = sum(stage.seconds for stage in profile)
+    rows = [
+        f"  {stage.name:<15} {1e3 * stage.seconds:9.1f} ms {stage.seconds / total:6.1%} "
+        f"{stage.calls:7d}"
+        for stage in profile
+    ]
+    return [f"  {'stage':<15} {'own time':>12} {'share':>6} {'calls':>7}", *rows]
 
 
 def _left_alone(result: RegistrationResult) -> list[str]:

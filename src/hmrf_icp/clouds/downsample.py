@@ -10,12 +10,13 @@ from numpy.typing import NDArray
 
 from hmrf_icp.clouds.cloud import PointCloud
 from hmrf_icp.clouds.tree import Tree
+from hmrf_icp.stages import stage
 
 NEAR = 1.1
 """Times an edge that leaves too many, within which the smallest that does not is found."""
 
 PASSES = 12
-"""Edges that are tried for the cells of a grid, at the least."""
+"""Edges that are guessed for the cells of a grid before they are found by halves."""
 
 Array = NDArray[np.float64]
 
@@ -52,6 +53,7 @@ class Downsampled(NamedTuple):
     representative: NDArray[np.intp]
 
 
+@stage("thinning")
 def downsample(cloud: PointCloud, most: int) -> Downsampled:
     """Thin a cloud out to about ``most`` points; the same cloud where it has no more.
 
@@ -144,28 +146,27 @@ class Cells:
 
 def _edge(cells: Cells, points: Array, most: int) -> float:
     """Edge of the cells that leave about ``most`` of the points and no more, metres."""
-    low, high = 0.0, cells.side
     if len(points) > 2 * SAMPLED * most:
         # Nearly every cell has one of the sample: what is wrong is a little too small.
         sample = np.ascontiguousarray(points[:: len(points) // (SAMPLED * most)])
         found = _edge(Cells(sample), sample, most)
-        for _ in range(PASSES):
-            count = len(cells.first(found, 2 * most))
-            if CLOSE * most <= count <= most:
-                return found
-            low, high = (found, high) if count > most else (low, found)
-            # Cells of a surface: as many as the square of the edge is small.
-            found *= math.sqrt(count / (0.5 * (1.0 + CLOSE) * most))
-            if not low < found < high:
-                found = 0.5 * (low + high)
-        return high
-    finest = FINEST * high
-    passes = 0
-    while passes < PASSES or (high > NEAR * low and high > finest):
+    else:
+        found = cells.side / math.sqrt(most)
+    low, high = 0.0, cells.side
+    for _ in range(PASSES):
+        count = len(cells.first(found, 2 * most))
+        if CLOSE * most <= count <= most:
+            return found
+        low, high = (found, high) if count > most else (low, found)
+        # Cells of a surface: as many as the square of the edge is small.
+        found *= math.sqrt(count / (0.5 * (1.0 + CLOSE) * most))
+        if not low < found < high:
+            found = 0.5 * (low + high) if low > 0.0 else 0.1 * high
+    finest = FINEST * cells.side
+    while high > NEAR * low and high > finest:
         middle = 0.5 * (low + high) if low > 0.0 else 0.1 * high
         if len(cells.first(middle, most)) > most:
             low = middle
         else:
             high = middle
-        passes += 1
     return high

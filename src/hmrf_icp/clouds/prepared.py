@@ -24,6 +24,7 @@ from hmrf_icp.clouds.sensor_view import SensorView, find_view, given_view
 from hmrf_icp.clouds.surface import Surface, surface
 from hmrf_icp.clouds.tree import Tree
 from hmrf_icp.errors import InputError
+from hmrf_icp.stages import stage
 
 Array = NDArray[np.float64]
 T = TypeVar("T")
@@ -117,6 +118,7 @@ class PreparedCloud:
         return replace(fitted, oriented=False) if self.seen_from.kind == "assumed" else fitted
 
     @cached_property
+    @stage("border")
     def border(self) -> NDArray[np.bool_]:
         """(M,) Which observed points are at the border of their surface."""
         from hmrf_icp.kernels.border import find_border
@@ -210,6 +212,7 @@ class PreparedCloud:
         return PreparedCloud, (self.cloud, self.origin, self.view, self.look)
 
 
+@stage("checks")
 def prepare(
     cloud: PreparedCloud | PointCloudLike,
     name: str = "cloud",

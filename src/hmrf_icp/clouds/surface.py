@@ -13,6 +13,7 @@ from hmrf_icp.clouds.cloud import PointCloud
 from hmrf_icp.clouds.downsample import thinned
 from hmrf_icp.clouds.tree import Tree
 from hmrf_icp.errors import InputError
+from hmrf_icp.stages import stage
 
 Array = NDArray[np.float64]
 
@@ -124,6 +125,7 @@ class Surface:
         return float(np.sqrt(weight @ ((self.points - centre) ** 2).sum(axis=1)))
 
 
+@stage("surface")
 def surface(cloud: PointCloud, tree: Callable[[], Tree]) -> Surface:
     """Fit a plane to the neighbours of every point.
 

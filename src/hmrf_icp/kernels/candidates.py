@@ -17,7 +17,7 @@ LEAST_WEIGHT = 6.0
 """Weight of all matches together below which a start is given up: six unknowns."""
 
 
-@njit(nogil=True, error_model="numpy")
+@njit(error_model="numpy")
 def solve(h: Any, g: Any, x: Any) -> None:
     """Solve h x = g for a symmetric (6, 6) h, lower triangle given, by Cholesky in place."""
     trace = 0.0
@@ -44,7 +44,7 @@ def solve(h: Any, g: Any, x: Any) -> None:
         x[i] = s / h[i, i]
 
 
-@njit(nogil=True, error_model="numpy")
+@njit(error_model="numpy")
 def move(pose: Any, x: Any) -> None:
     """Move pose (4, 4) in place: turn by the rotation vector x[:3], then shift by x[3:]."""
     angle = math.sqrt(x[0] * x[0] + x[1] * x[1] + x[2] * x[2])
@@ -64,7 +64,7 @@ def move(pose: Any, x: Any) -> None:
     pose[2, 3] += x[5]
 
 
-@njit(nogil=True, error_model="numpy")
+@njit(error_model="numpy")
 def anneal(
     points: Any,
     normals: Any,

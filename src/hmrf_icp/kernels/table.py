@@ -13,13 +13,13 @@ import numpy as np
 from hmrf_icp.kernels.compiled import njit
 
 
-@njit(nogil=True, error_model="numpy")
+@njit(error_model="numpy")
 def squared_distance(points: Any, k: int, x: float, y: float, z: float) -> float:
     """Square of the distance of point k to (x, y, z)."""
     return (points[k, 0] - x) ** 2 + (points[k, 1] - y) ** 2 + (points[k, 2] - z) ** 2
 
 
-@njit(nogil=True, error_model="numpy")
+@njit(error_model="numpy")
 def build(points: Any, corner: Any, edge: float, shape: Any) -> Any:
     """Hand every cell the point of the closest cell that has one, then the best of its neighbours'.
 
@@ -49,7 +49,7 @@ def build(points: Any, corner: Any, edge: float, shape: Any) -> Any:
     return table
 
 
-@njit(nogil=True, error_model="numpy")
+@njit(error_model="numpy")
 def fill(points: Any, corner: Any, edge: float, table: Any) -> None:
     """Put each point into its own cell; the one closest to the centre, where there are more."""
     nx, ny, nz = table.shape
@@ -69,7 +69,7 @@ def fill(points: Any, corner: Any, edge: float, table: Any) -> None:
             table[a, b, c] = k
 
 
-@njit(nogil=True, error_model="numpy")
+@njit(error_model="numpy")
 def spread(cells: Any, squared: Any, lowest: Any, begins: Any, line: Any, height: Any) -> None:
     """Along one line of cells, hand every cell what the cell of the lowest parabola has.
 
@@ -101,7 +101,7 @@ def spread(cells: Any, squared: Any, lowest: Any, begins: Any, line: Any, height
         cells[i], squared[i] = line[j], height[j] + (i - j) ** 2
 
 
-@njit(nogil=True, error_model="numpy")
+@njit(error_model="numpy")
 def compare(points: Any, corner: Any, edge: float, table: Any) -> None:
     """Let every cell take the point of one of its six neighbours where that is closer."""
     nx, ny, nz = table.shape
@@ -128,7 +128,7 @@ def compare(points: Any, corner: Any, edge: float, table: Any) -> None:
                 table[a, b, c] = k
 
 
-@njit(nogil=True, error_model="numpy")
+@njit(error_model="numpy")
 def look_up(points: Any, table: Any, corner: Any, edge: float, x: float, y: float, z: float) -> int:
     """Return the index of a close point, the closest of four cells' about (x, y, z); -1 outside."""
     nx, ny, nz = table.shape

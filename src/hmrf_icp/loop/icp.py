@@ -17,6 +17,7 @@ from hmrf_icp.loop.criteria import Criteria, StoppingRule, at_most
 from hmrf_icp.loop.match import Match, Matcher, Matches, checked
 from hmrf_icp.loop.placed import Placed
 from hmrf_icp.loop.reject import Labels, Reject, Rejector
+from hmrf_icp.stages import stage
 
 Array = NDArray[np.float64]
 
@@ -132,8 +133,8 @@ class Loop:
         self._points = source.points
         self._onto = len(target.points)
         self._matcher: Match = method.match.prepare(source, target)
-        self._reject: Reject = method.reject.prepare(source, target)
-        self._align: Align = method.align.prepare(source, target)
+        self._reject: Reject = stage("reject")(method.reject.prepare(source, target))
+        self._align: Align = stage("align")(method.align.prepare(source, target))
         self._criteria = method.criteria.on(target)
 
     def __call__(
@@ -203,6 +204,7 @@ class Loop:
             stuck,
         )
 
+    @stage("judged pose")
     def at(self, pose: Array) -> LoopResult:
         """Tell what the parts make of a pose (4, 4) without moving from it."""
         source = Placed.at(pose, self._points)
@@ -212,6 +214,7 @@ class Loop:
         last = None if step is None else replace(step, motion=np.eye(4))
         return LoopResult(pose, matches, labels, False, labels.em_iterations, last, ())
 
+    @stage("match")
     def _match(self, source: Placed) -> Matches:
         return checked(self._matcher(source), len(self._points), self._onto)
 

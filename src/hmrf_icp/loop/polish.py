@@ -24,6 +24,7 @@ from hmrf_icp.loop.match import Matches
 from hmrf_icp.loop.placed import Placed
 from hmrf_icp.loop.reject import Labels
 from hmrf_icp.loop.surface_metrics import LEAST_NOISE, SurfaceMetric
+from hmrf_icp.stages import stage
 
 Array = NDArray[np.float64]
 
@@ -48,6 +49,7 @@ MEDIAN = 0.6745
 """Median of the absolute value of a standard normal variable."""
 
 
+@stage("last steps")
 def polish(
     loop: LoopResult,
     source: PreparedCloud,

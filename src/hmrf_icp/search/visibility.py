@@ -13,6 +13,7 @@ from hmrf_icp import se3
 from hmrf_icp.clouds.prepared import PreparedCloud
 from hmrf_icp.clouds.range_image import BAND
 from hmrf_icp.clouds.surface import Surface, evenly
+from hmrf_icp.stages import stage
 
 AGREE, FRONT = 0, 1
 """As in :mod:`hmrf_icp.kernels.range_image`."""
@@ -116,10 +117,11 @@ class NearSurface:
         self._tree = cloud.tree
         self._band = band * surface.noise + np.sqrt(surface.area)
         self._border = cloud.border
+        self._reach = OFF * float(self._band.max())
 
     def ask(self, points: Array, normals: Array, pose: Array) -> NDArray[np.uint8]:
         """Ask who is on the surface, facing its way, and who is off it where it goes on."""
-        distance, row = self._tree.query(se3.transform(pose, points))
+        distance, row = self._tree.query(se3.transform(pose, points), within=self._reach)
         return self.tell(distance, row, normals @ pose[:3, :3].T)
 
     def tell(self, distance: Array, row: NDArray[np.integer], normals: Array) -> NDArray[np.uint8]:
@@ -157,6 +159,7 @@ class VisibilityTest:
         self._size = target.surface.size
         self._from_origins = source.image_from_origin, target.image_from_origin
 
+    @stage("visibility")
     def __call__(self, pose: Array) -> Visibility:
         """Ask about one pose (4, 4), source to target."""
         mine, theirs = self._of_source, self._of_target
