@@ -38,6 +38,7 @@ def wrong(pair):
     start = np.diag([-1.0, -1.0, 1.0, 1.0])
     with warnings.catch_warnings():
         warnings.simplefilter("ignore", hmrf_icp.RegistrationWarning)
-        result = hmrf_icp.register(pair.source, pair.target, start, search="near")
+        few = pair.source.subsample(2), pair.target.subsample(2)
+        result = hmrf_icp.register(*few, start)
     assert not result.believed
     return story(result, start, None, pair.truth)

@@ -37,6 +37,7 @@ class Recording:
     >>> import numpy as np, hmrf_icp
     >>> from hmrf_icp.view import Recording
     >>> points = np.random.default_rng(0).uniform(size=(500, 3)) * [1.0, 0.7, 0.0]
+    >>> points[:, 2] = 0.1 * np.sin(7.0 * points[:, 0]) * np.cos(9.0 * points[:, 1])
     >>> recording = Recording()
     >>> result = hmrf_icp.register(points, points, on_iteration=recording)
     >>> len(recording.iterations) >= result.iterations
