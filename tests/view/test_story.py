@@ -13,11 +13,12 @@ import pytest
 
 import hmrf_icp
 from hmrf_icp import InputError, Iteration, PointCloud, se3
+from hmrf_icp.figures.states import follows
 from hmrf_icp.search.visibility import AGREE, FRONT
 from hmrf_icp.view import Recording, story
 from hmrf_icp.view.packed import packed
 from hmrf_icp.view.page import page
-from hmrf_icp.view.recording import follows, steps
+from hmrf_icp.view.steps import steps
 from shapes import CAMERA
 
 

@@ -14,6 +14,7 @@ from hmrf_icp.errors import InputError
 if TYPE_CHECKING:
     from hmrf_icp.clouds.cloud import PointCloud
     from hmrf_icp.result import RegistrationResult
+    from hmrf_icp.se3 import Array
     from hmrf_icp.view.story import Story
 
 FIGURE_SUFFIXES = (".png", ".pdf", ".svg")
@@ -72,11 +73,15 @@ class Outputs:
         source: PointCloud,
         target: PointCloud,
         result: RegistrationResult,
+        start: Array | None = None,
+        names: tuple[str, str] | None = None,
+        method: str | None = None,
         told: Story | None = None,
     ) -> list[Path]:
         """Write them all; none of them moves to its place before every one is complete.
 
-        ``told`` is what the page and the recording show.
+        The start, the names of the clouds and the method are what the figure says; ``told`` is
+        what the page and the recording show.
         """
         from hmrf_icp.clouds.moved import moved
         from hmrf_icp.io import write_cloud, write_pose
@@ -100,7 +105,9 @@ class Outputs:
                 from hmrf_icp.figures.registration import registration_figure
 
                 partial = outputs.enter_context(written_whole(self.figure))
-                registration_figure(source, target, result, partial)
+                registration_figure(
+                    source, target, result, partial, start, names=names, method=method
+                )
             if told is not None and self.html is not None:
                 from hmrf_icp.view import write_html
 

@@ -265,7 +265,7 @@ def register(
                     note("both files come with a camera: --viewpoint has no effect")
                 moving, staying = _seen_from(stood, moving), _seen_from(stood, staying)
             bar.stage("Registering", total=most_iterations(method))
-            recording = Recording(bar)
+            recording = Recording(also=bar)
             named_arguments = _arguments_named({"source": source, "target": target, "init": init})
             with named_arguments, told_of_compiling(bar):
                 result = hmrf_icp.register(
@@ -282,9 +282,11 @@ def register(
                     on_iteration=recording,
                 )
             bar.stage("Writing")
+            called = " with ".join(name for name in (preset, rejector, aligner) if name)
+            names = source.name, target.name
             if view or html or rrd:
-                told = story(result, start, recording, names=(source.name, target.name))
-            written = outputs.write(moving, staying, result, told)
+                told = story(result, start, recording, names=names)
+            written = outputs.write(moving, staying, result, start, names, called, told)
     finally:
         # Also where writing failed: a full disk must not cost the result as well.
         if result is not None:

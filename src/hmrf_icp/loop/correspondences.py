@@ -70,8 +70,15 @@ class Correspondences:
 
     @property
     def clouds(self) -> tuple[PreparedCloud, PreparedCloud] | None:
-        """The source and the target; None of a copy."""
-        return (self._source, self._target) if hasattr(self, "_source") else None
+        """Source and target as they were registered; None of a copy or what was pickled."""
+        held = self.__dict__
+        return (held["_source"], held["_target"]) if "_source" in held else None
+
+    @property
+    def pose(self) -> Array | None:
+        """(4, 4) the pose between these two; None likewise."""
+        pose: Array | None = self.__dict__.get("_pose")
+        return pose
 
     @cached_property
     def matched(self) -> Matched:

@@ -11,7 +11,7 @@ from numpy.typing import NDArray
 from hmrf_icp import se3
 from hmrf_icp.clouds.prepared import PreparedCloud
 from hmrf_icp.errors import InputError
-from hmrf_icp.frozen import FrozenDict
+from hmrf_icp.frozen import FrozenDict, same
 from hmrf_icp.loop.align import Align, Aligner, Step
 from hmrf_icp.loop.criteria import Criteria, StoppingRule, at_most
 from hmrf_icp.loop.match import Match, Matcher, Matches, checked
@@ -57,7 +57,7 @@ class Method:
         )
 
 
-@dataclass(frozen=True)
+@dataclass(frozen=True, eq=False)
 class Iteration:
     """What one ICP iteration did.
 
@@ -76,8 +76,7 @@ class Iteration:
     parameters
         What the rejection learnt: means and deviations or a threshold, metres.
     transformation
-        (4, 4) the pose after its motion, source to target; None of a method that does not say.
-        It follows from the motions, and takes no part in comparisons.
+        (4, 4) source to target, after its motion; None where nobody told.
     """
 
     iteration: int
@@ -87,12 +86,18 @@ class Iteration:
     step_rotation: float
     inlier_rmse: float
     parameters: Mapping[str, float]
-    transformation: Array | None = field(default=None, compare=False, repr=False)
+    transformation: Array | None = None
 
     def __post_init__(self) -> None:
         """Take any mapping of parameters, and keep one that pickles."""
         if not isinstance(self.parameters, FrozenDict):
             object.__setattr__(self, "parameters", FrozenDict(self.parameters))
+
+    def __eq__(self, other: object) -> bool:
+        return same(self, other) if isinstance(other, Iteration) else NotImplemented
+
+    def __hash__(self) -> int:
+        return hash((self.iteration, self.step_translation, self.step_rotation))
 
 
 @dataclass(frozen=True, eq=False)

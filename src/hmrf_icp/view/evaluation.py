@@ -19,10 +19,10 @@ from hmrf_icp.errors import InputError, RegistrationWarning
 from hmrf_icp.evaluate.methods import preset_of
 from hmrf_icp.evaluate.report.replay import Problem, Replay
 from hmrf_icp.evaluate.report.study import Study
+from hmrf_icp.figures.states import Recording
 from hmrf_icp.result import BELIEVED
 from hmrf_icp.view import words
 from hmrf_icp.view.page import POLICY, anchors, asset, filled, page
-from hmrf_icp.view.recording import Recording
 from hmrf_icp.view.story import Story
 from hmrf_icp.view.telling import story, story_of_pose
 

@@ -10,7 +10,8 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from hmrf_icp.view.story import Moment, ShownCloud, Story
+from hmrf_icp.drawing.palette import MEANINGS
+from hmrf_icp.view.story import AGREEMENT, Moment, ShownCloud, Story
 
 LEVELS = 255
 """Of a distance, over the span of the colours, and of a probability."""
@@ -74,6 +75,7 @@ def packed(story: Story) -> tuple[str, str]:
         else {"height": image.shape[0], "width": image.shape[1], "rows": block.put(image, "int32")},
         "views": story.views,
         "agreement": story.agreement,
+        "colours": {**MEANINGS, "agreement": AGREEMENT},
         "frame": story.frame.ravel().tolist(),
     }
     text = json.dumps(head, allow_nan=False, separators=(",", ":"))

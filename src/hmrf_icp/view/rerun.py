@@ -8,17 +8,13 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
+from hmrf_icp.drawing.palette import rgb
 from hmrf_icp.errors import MissingDependencyError
 from hmrf_icp.io.whole import written_whole
-from hmrf_icp.view.story import Story
+from hmrf_icp.view.story import AGREEMENT, Story
 
-AGREEMENT = np.array(
-    [(0, 158, 115), (217, 56, 30), (122, 143, 184), (169, 173, 178), (199, 121, 176)],
-    dtype=np.uint8,
-)
-"""Colours of the codes, as on the page."""
-
-SIGHT = (217, 56, 30, 90)
+FAINT = 90
+"""Opacity of the lines of sight, of 255."""
 
 
 def require_rerun() -> Any:
@@ -79,6 +75,7 @@ def _log(rr: Any, stream: Any, story: Story) -> None:
     for name, cloud in (("source", story.source), ("target", story.target)):
         where = rr.Points3D(cloud.points, radii=0.5 * cloud.spacing)
         stream.log(f"clouds/{name}/points", where, static=True)
+    colours = np.array([(255 * rgb(one)).astype(np.uint8) for one in AGREEMENT])
     for number, moment in enumerate(story.moments):
         stream.set_time("moment", sequence=number)
         stream.log("title", rr.TextLog(moment.title))
@@ -86,9 +83,11 @@ def _log(rr: Any, stream: Any, story: Story) -> None:
         placed = rr.Transform3D(translation=pose[:3, 3], mat3x3=pose[:3, :3])
         stream.log("clouds/source", placed)
         for name, codes in (("source", moment.of_source), ("target", moment.of_target)):
-            coloured = rr.Points3D.from_fields(colors=AGREEMENT[codes])
+            coloured = rr.Points3D.from_fields(colors=colours[codes])
             stream.log(f"clouds/{name}/points", coloured)
-        stream.log("clouds/rays", rr.LineStrips3D(story.rays(moment), colors=[SIGHT]))
+        stream.log(
+            "clouds/rays", rr.LineStrips3D(story.rays(moment), colors=[(*colours[1], FAINT)])
+        )
         for name, value in moment.numbers.items():
             stream.log(["numbers", name], rr.Scalars(value))
         if story.image is not None:

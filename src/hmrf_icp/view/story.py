@@ -9,6 +9,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from hmrf_icp import se3
+from hmrf_icp.drawing.palette import INLIER, VIOLATED
 from hmrf_icp.search.visibility import FRONT
 
 Array = NDArray[np.float64]
@@ -33,6 +34,10 @@ WITHOUT_VIEWS = (
     "faces another way",
 )
 """The same where no viewpoint is known: see :class:`hmrf_icp.search.visibility.NearSurface`."""
+
+
+AGREEMENT = INLIER, VIOLATED, "#5f7089", "#b2b7bd", "#56b4e9"
+"""Colours of the codes, ``#rrggbb``."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -82,7 +87,7 @@ class Moment:
     title
         What it is.
     run, chosen
-        As of a :class:`~hmrf_icp.view.recording.Step`.
+        As of a :class:`~hmrf_icp.view.steps.Step`.
     pose
         (4, 4) takes the shown source points into the frame of the shown target's.
     distance

@@ -9,14 +9,15 @@ from numpy.typing import ArrayLike, NDArray
 
 from hmrf_icp import se3
 from hmrf_icp.clouds.prepared import PreparedCloud
+from hmrf_icp.drawing.oblique import viewing_frame
 from hmrf_icp.errors import InputError
-from hmrf_icp.figures.oblique import viewing_frame
+from hmrf_icp.figures.states import Recording
 from hmrf_icp.loop.degeneracy import FreeMotion
 from hmrf_icp.registration import between_origins
 from hmrf_icp.result import RegistrationResult
 from hmrf_icp.search.visibility import knowing
 from hmrf_icp.view import words
-from hmrf_icp.view.recording import Recording, Step, steps
+from hmrf_icp.view.steps import Step, steps
 from hmrf_icp.view.story import Free, Moment, Said, ShownCloud, Story
 
 Array = NDArray[np.float64]

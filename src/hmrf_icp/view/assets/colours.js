@@ -11,16 +11,18 @@ const ramp = stops => {
 };
 const css = stops => `linear-gradient(90deg, ${stops.join(", ")})`;
 
-const DISTANCE = ["#fde725", "#7ad151", "#22a884", "#2a788e", "#414487", "#54256b"];
-const PROBABILITY = ["#d55e00", "#e8b48c", "#b9bdc2", "#7fa9d6", "#1f5fb8"];
-const AGREEMENT = ["#009e73", "#d9381e", "#7a8fb8", "#a9adb2", "#c779b0"];
-const FREE = "#b3399b", SIGHT = "#d9381e";
-const RAMPS = {distance: ramp(DISTANCE), probability: ramp(PROBABILITY)};
-
+const DISTANCE = ["#440154", "#414487", "#2a788e", "#22a884", "#7ad151", "#fde725"]; // viridis
 const THEMES = {
-  light: {page: "#ffffff", text: "#1b1f24", target: "#d8503f", inlier: "#1f4fa3", outlier: "#8fc0e8", grey: "#a3a9b0"},
-  dark: {page: "#14171b", text: "#e6e9ed", target: "#e0604e", inlier: "#5b93f0", outlier: "#a9cbe4", grey: "#6d757e"},
+  light: {page: "#ffffff", text: "#1b1f24", grey: "#a3a9b0"},
+  dark: {page: "#14171b", text: "#e6e9ed", grey: "#6d757e"},
 };
+
+// The package's own colours come with the story: one meaning each, in every picture.
+let MEAN, RAMPS;
+function learn(story) {
+  MEAN = story.colours;
+  RAMPS = {distance: ramp(DISTANCE), probability: ramp([MEAN.outlier, MEAN.inlier])};
+}
 
 const NAMES = {
   clouds: "The two clouds",
@@ -34,9 +36,9 @@ function coloured(mode, story, moment, theme) {
   const n = story.source.points.length / 3, m = story.target.points.length / 3;
   const source = new Uint32Array(n), target = new Uint32Array(m);
   const {probability} = story;
-  target.fill(packed(rgb(mode === "clouds" ? theme.target : theme.grey)));
+  target.fill(packed(rgb(mode === "clouds" || mode === "probability" ? MEAN.target : theme.grey)));
   if (mode === "agreement") {
-    const colours = AGREEMENT.map(c => packed(rgb(c)));
+    const colours = MEAN.agreement.map(c => packed(rgb(c)));
     for (let i = 0; i < n; i++) source[i] = colours[moment.source[i]];
     for (let i = 0; i < m; i++) target[i] = colours[moment.target[i]];
   } else if (mode === "distance") {
@@ -44,8 +46,7 @@ function coloured(mode, story, moment, theme) {
   } else if (mode === "probability") {
     for (let i = 0; i < n; i++) source[i] = RAMPS.probability[probability[i]];
   } else {
-    const [inlier, outlier] = [theme.inlier, theme.outlier].map(c => packed(rgb(c)));
-    for (let i = 0; i < n; i++) source[i] = !probability || probability[i] > 127 ? inlier : outlier;
+    source.fill(packed(rgb(MEAN.source)));
   }
   return {source, target};
 }
@@ -63,7 +64,7 @@ function legend(mode, story, moment, theme) {
     const counts = new Array(5).fill(0);
     for (const codes of [moment.source, moment.target]) for (const code of codes) counts[code]++;
     const all = moment.source.length + moment.target.length;
-    const keys = story.agreement.map((text, i) => counts[i] || i < 2 ? key(AGREEMENT[i], text, `${(100 * counts[i] / all).toFixed(1)} %`) : "");
+    const keys = story.agreement.map((text, i) => counts[i] || i < 2 ? key(MEAN.agreement[i], text, `${(100 * counts[i] / all).toFixed(1)} %`) : "");
     return keys.join("") + note(story.views
       ? "Each cloud’s points, held against what the other’s sensor saw. The shares are of both."
       : "No viewpoint is known of both clouds, so nobody knows which space was seen to be empty: points are held against the other’s surface.");
@@ -72,7 +73,6 @@ function legend(mode, story, moment, theme) {
   if (mode === "distance")
     return scale(DISTANCE, metres(story.edges[0]), metres(story.edges.at(-1))) + grey + note("From a source point to the closest target point, on a logarithmic scale.");
   if (mode === "probability")
-    return scale(PROBABILITY, "0, outlier", "inlier, 1") + grey + note("As decided at the result; at other poses the points keep these colours.");
-  if (!story.probability) return key(theme.target, "target") + key(theme.inlier, "source");
-  return key(theme.target, "target") + key(theme.inlier, "source, inliers at the result") + key(theme.outlier, "source, outliers: no counterpart");
+    return scale([MEAN.outlier, MEAN.inlier], "0, outlier", "inlier, 1") + key(MEAN.target, "target") + note("As decided at the result; at other poses the points keep these colours.");
+  return key(MEAN.source, "source, moved") + key(MEAN.target, "target");
 }

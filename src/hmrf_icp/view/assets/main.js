@@ -41,6 +41,7 @@ function surroundings(clouds) {
 }
 
 function begin(story) {
+  learn(story);
   const {moments, source, target, free} = story, wrong = story.believed === false;
   const placed = moments.map(() => null), dark = matchMedia("(prefers-color-scheme: dark)");
   const at = i => placed[i] ||= moved(source, moments[i].pose);
@@ -68,8 +69,8 @@ function begin(story) {
     if (state.rays) drawRays();
     if (state.free) free.forEach(drawFree);
     if (state.sensors) {
-      if (target.viewpoint) lines.mark(target.viewpoint, "target’s sensor", t.target, t.page);
-      if (source.viewpoint) lines.mark(carried(source.viewpoint), "source’s sensor", t.inlier, t.page);
+      if (target.viewpoint) lines.mark(target.viewpoint, "target’s sensor", MEAN.target, t.page);
+      if (source.viewpoint) lines.mark(carried(source.viewpoint), "source’s sensor", MEAN.source, t.page);
     }
     drawScale(t);
     document.documentElement.dataset.drawn = state.moment;
@@ -99,22 +100,22 @@ function begin(story) {
 
   function drawRays() {
     lines.context.globalAlpha = 0.35;
-    for (const [a, b] of allRays()) lines.line(a, b, SIGHT);
+    for (const [a, b] of allRays()) lines.line(a, b, MEAN.violated);
     lines.context.globalAlpha = 1;
   }
 
   function drawFree(one) {
     const reach = 0.35 * look.box.radius, middle = one.through, way = one.direction;
     if (!one.rotation) {
-      lines.arrow(middle, plus(middle, way, reach), FREE);
-      lines.arrow(middle, plus(middle, way, -reach), FREE);
+      lines.arrow(middle, plus(middle, way, reach), MEAN.free);
+      lines.arrow(middle, plus(middle, way, -reach), MEAN.free);
       return;
     }
-    lines.line(plus(middle, way, -reach), plus(middle, way, reach), FREE, 2, [7, 5]);
+    lines.line(plus(middle, way, -reach), plus(middle, way, reach), MEAN.free, 2, [7, 5]);
     const side = unit(cross(way, Math.abs(way[2]) < 0.9 ? [0, 0, 1] : [1, 0, 0])), other = cross(way, side);
     const ring = a => plus(plus(middle, side, 0.5 * reach * Math.cos(a)), other, 0.5 * reach * Math.sin(a));
-    for (let k = 0; k < 30; k++) lines.line(ring(0.18 * k), ring(0.18 * (k + 1)), FREE, 3);
-    lines.arrow(ring(5.4), ring(5.6), FREE);
+    for (let k = 0; k < 30; k++) lines.line(ring(0.18 * k), ring(0.18 * (k + 1)), MEAN.free, 3);
+    lines.arrow(ring(5.4), ring(5.6), MEAN.free);
   }
 
   // How long a round length at the centre is on the screen.

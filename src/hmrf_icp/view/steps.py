@@ -1,15 +1,14 @@
-"""What a registration tries, written down while it runs."""
+"""The steps of a registration, in the order of time."""
 
 from __future__ import annotations
 
-import math
-from collections.abc import Callable, Sequence
+from collections.abc import Sequence
 from dataclasses import dataclass
 
 import numpy as np
 from numpy.typing import NDArray
 
-from hmrf_icp import se3
+from hmrf_icp.figures.states import follows
 from hmrf_icp.loop.icp import Iteration
 
 Array = NDArray[np.float64]
@@ -18,41 +17,7 @@ MOST_STEPS = 80
 """Steps of a story at the most: a page of more is too large to send, and nobody looks at them."""
 
 
-SAME_TURN = 1e-7
-"""Radians within which a turn is the one that was reported: rounding is less."""
-
 REFINED = " refined"
-
-
-class Recording:
-    """Every iteration of a registration; give it to ``register`` as ``on_iteration``.
-
-    Parameters
-    ----------
-    also
-        Somebody else who wants to be told, such as a progress bar.
-
-    Examples
-    --------
-    >>> import numpy as np, hmrf_icp
-    >>> from hmrf_icp.view import Recording
-    >>> points = np.random.default_rng(0).uniform(size=(500, 3)) * [1.0, 0.7, 0.0]
-    >>> points[:, 2] = 0.1 * np.sin(7.0 * points[:, 0]) * np.cos(9.0 * points[:, 1])
-    >>> recording = Recording()
-    >>> result = hmrf_icp.register(points, points, on_iteration=recording)
-    >>> len(recording.iterations) >= result.iterations
-    True
-    """
-
-    def __init__(self, also: Callable[[Iteration], None] | None = None) -> None:
-        self.iterations: list[Iteration] = []
-        self._also = also
-
-    def __call__(self, iteration: Iteration) -> None:
-        """Write an iteration down."""
-        self.iterations.append(iteration)
-        if self._also is not None:
-            self._also(iteration)
 
 
 @dataclass(frozen=True)
@@ -137,16 +102,6 @@ def _runs(told: Sequence[Iteration]) -> list[tuple[str, list[Iteration]]]:
     if len(runs) == 1:
         return [("Iteration ", runs[0][1])]
     return [(f"{name}, iteration ", run) for name, run in runs]
-
-
-def follows(before: Iteration, after: Iteration) -> bool:
-    """Tell whether one iteration goes on from another: by its number, and by how far it turned."""
-    if after.iteration != before.iteration + 1:
-        return False
-    assert before.transformation is not None
-    assert after.transformation is not None
-    turned = se3.rotation_angle(after.transformation @ se3.inverse(before.transformation))
-    return math.isclose(turned, after.step_rotation, rel_tol=1e-3, abs_tol=SAME_TURN)
 
 
 def _key(one: Iteration) -> tuple[int, bytes]:
