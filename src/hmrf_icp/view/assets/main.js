@@ -137,7 +137,13 @@ function begin(story) {
       [canvas.width, canvas.height] = [width, height];
       const context = canvas.getContext("2d"), image = context.createImageData(width, height);
       const pixels = new Uint32Array(image.data.buffer);
-      rows.forEach((row, i) => { pixels[i] = row < 0 ? 0 : 0xff000000 | colours.source[row]; });
+      // Two clouds in two colours make an image in one: the labels say more.
+      const labels = state.mode === "clouds" && story.probability;
+      const shown = labels ? coloured("probability", story, moment, t).source : colours.source;
+      byId("field-note").textContent = labels
+        ? "Inliers green, outliers grey, as decided at the result; empty where nothing was observed."
+        : "In the same colours, at the same moment; empty where nothing was observed.";
+      rows.forEach((row, i) => { pixels[i] = row < 0 ? 0 : 0xff000000 | shown[row]; });
       context.putImageData(image, 0, 0);
     }
     later();
@@ -219,7 +225,6 @@ function begin(story) {
       button.onclick = () => { looks[button.dataset.look](); later(); };
     }
     byId("image").hidden = !story.image;
-    if (story.image) byId("field-note").textContent = "In the same colours, at the same moment; empty where nothing was observed.";
     byId("numbers").hidden = plots.empty;
     runStrip(byId("runs"), moments);
     handle(byId("points"), look, later);
