@@ -19,6 +19,7 @@ if TYPE_CHECKING:
     from hmrf_icp.io import Intrinsics
     from hmrf_icp.registration import Where
     from hmrf_icp.result import RegistrationResult
+    from hmrf_icp.view.story import Story
 
 NOT_BELIEVED = 1
 
@@ -196,6 +197,41 @@ def register(
             help="Write a picture of the clouds before and after, the distances and the inliers.",
         ),
     ] = None,
+    html: Annotated[
+        Path | None,
+        typer.Option(
+            metavar="HTML",
+            rich_help_panel=_OUTPUT,
+            help="Write a page with everything in it, to turn the clouds in a browser and to send.",
+        ),
+    ] = None,
+    rrd: Annotated[
+        Path | None,
+        typer.Option(
+            metavar="RRD",
+            rich_help_panel=_OUTPUT,
+            help="Write a recording for the viewer of rerun (needs rerun-sdk).",
+        ),
+    ] = None,
+    view: Annotated[
+        bool,
+        typer.Option(
+            "--view",
+            rich_help_panel=_OUTPUT,
+            help="Look at it in the browser afterwards, until Ctrl-C.",
+        ),
+    ] = False,
+    port: Annotated[
+        int,
+        typer.Option(
+            metavar="N",
+            min=0,
+            max=65535,
+            show_default="any that is free",
+            rich_help_panel=_OUTPUT,
+            help="Port of the viewer, on this machine alone.",
+        ),
+    ] = 0,
     profile: Annotated[
         bool,
         typer.Option(
@@ -228,6 +264,7 @@ def register(
     from hmrf_icp.cli.progress import most_iterations, registration_bar, told_of_compiling
     from hmrf_icp.cli.summary import json_text, summary
     from hmrf_icp.io import read_pose
+    from hmrf_icp.view import Recording, story
 
     method = presets.preset(preset)
     if rejector is not None:
@@ -242,13 +279,14 @@ def register(
     if search not in ("auto", "near", "everywhere"):
         raise InputError(f"--search: unknown {search!r}, expected auto, near or everywhere")
     start = None if init is None else read_pose(init)
-    outputs = Outputs(output, pose, figure)
+    outputs = Outputs(output, pose, figure, html, rrd)
     sure = (source_confidence, target_confidence)
     outputs.check([file for file in (source, target, camera, init, *sure) if file])
 
     chosen = {"preset": preset, "rejector": rejector, "aligner": aligner}
     named = chosen | {"source": source, "target": target}
     result: RegistrationResult | None = None
+    told: Story | None = None
     written: list[Path] = []
     try:
         with registration_bar() as bar:
@@ -265,6 +303,7 @@ def register(
                     note("both files come with a camera: --viewpoint has no effect")
                 moving, staying = _seen_from(stood, moving), _seen_from(stood, staying)
             bar.stage("Registering", total=most_iterations(method))
+            recording = Recording(also=bar)
             named_arguments = _arguments_named({"source": source, "target": target, "init": init})
             with named_arguments, told_of_compiling(bar):
                 result = hmrf_icp.register(
@@ -278,18 +317,24 @@ def register(
                     search=cast("Where", search),
                     num_threads=num_threads,
                     profile=profile,
-                    on_iteration=bar,
+                    on_iteration=recording,
                 )
             bar.stage("Writing")
             called = " with ".join(name for name in (preset, rejector, aligner) if name)
             names = source.name, target.name
-            written = outputs.write(moving, staying, result, start, names, called)
+            if view or html or rrd:
+                told = story(result, start, recording, names=names)
+            written = outputs.write(moving, staying, result, start, names, called, told)
     finally:
         # Also where writing failed: a full disk must not cost the result as well.
         if result is not None:
             if as_json:
                 typer.echo(json_text(result, named))
             typer.echo(summary(result, source.name, target.name, written), err=as_json)
+    if view and told is not None:
+        from hmrf_icp.cli.view import serve_story
+
+        serve_story(told, port, quiet=as_json)
     raise typer.Exit(0 if result.believed else NOT_BELIEVED)
 
 
