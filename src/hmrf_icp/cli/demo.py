@@ -10,6 +10,8 @@ from typing import TYPE_CHECKING, Annotated
 import typer
 
 from hmrf_icp import presets
+from hmrf_icp.cli import completion
+from hmrf_icp.cli.loudness import Quiet, Verbose
 from hmrf_icp.errors import InputError
 
 if TYPE_CHECKING:
@@ -99,19 +101,27 @@ def demo(
     output: Annotated[
         Path,
         typer.Option(
+            "--output",
+            "-o",
             metavar="PATH",
             show_default=PICTURE,
             help="Where to write the picture: a folder, or a file (.png, .pdf, .svg).",
         ),
     ] = Path(PICTURE),
     preset: Annotated[
-        str, typer.Option(metavar="NAME", help=f"One of: {', '.join(presets.names())}.")
+        str,
+        typer.Option(
+            metavar="NAME",
+            autocompletion=completion.words(presets.names()),
+            help=f"One of: {', '.join(presets.names())}.",
+        ),
     ] = presets.DEFAULT,
     rejector: Annotated[
         str | None,
         typer.Option(
             metavar="NAME",
             show_default="the preset's own",
+            autocompletion=completion.words(presets.rejector_names()),
             help=f"Another rejection rule: {', '.join(presets.rejector_names())}.",
         ),
     ] = None,
@@ -128,6 +138,8 @@ def demo(
             metavar="K", min=1, max=16, help="Keep every K-th row and column of 640 x 480."
         ),
     ] = 4,
+    quiet: Quiet = False,  # noqa: ARG001
+    verbose: Verbose = False,
 ) -> None:
     """Register two depth maps of a desk scene, made here, and draw what happened.
 
@@ -155,7 +167,14 @@ def demo(
         pair = desk_pair(seed, subsample, angle)
         bar.stage("Registering", total=most_iterations(method))
         with told_of_compiling(bar):
-            result = register(pair.source, pair.target, pair.init, preset=method, on_iteration=bar)
+            result = register(
+                pair.source,
+                pair.target,
+                pair.init,
+                preset=method,
+                profile=verbose,
+                on_iteration=bar,
+            )
         bar.stage("Drawing")
         _draw(pair, result, picture, method)
     error = se3.error(result.transformation, pair.truth)
@@ -186,19 +205,23 @@ def _print(
     picture: Path,
 ) -> None:
     """Say on stdout how it went, failure included."""
-    from rich.console import Console
+    from hmrf_icp.cli.loudness import console
 
     height, width = pair.source.shape
-    console = Console(highlight=False)
-    console.print(f"Two depth maps of a desk, {width} x {height}, preset [bold]{preset}[/bold]")
-    console.print(f"The result: {result.verdict}", end="\n\n")
-    console.print(_table(pair, result))
+    screen = console()
+    screen.print(f"Two depth maps of a desk, {width} x {height}, preset [bold]{preset}[/bold]")
+    screen.print(f"The result: {result.verdict}", end="\n\n")
+    screen.print(_table(pair, result))
     if found:
         verdict = "[bold green]Registered[/]: the known pose was found"
     else:
         verdict = "[bold red]Missed[/]: the known pose was not found"
-    console.print(f"\n{verdict} (within {1000 * CLOSE:.0f} mm and {math.degrees(CLOSE):.1f} deg).")
-    console.print(f"Picture: {picture}", soft_wrap=True, markup=False)
+    screen.print(f"\n{verdict} (within {1000 * CLOSE:.0f} mm and {math.degrees(CLOSE):.1f} deg).")
+    screen.print(f"Picture: {picture}", soft_wrap=True, markup=False)
+    if result.profile is not None:
+        from hmrf_icp.cli.summary import stages
+
+        screen.print("", *stages(result.profile), sep="\n", soft_wrap=True, markup=False)
 
 
 def _table(pair: DeskPair, result: RegistrationResult) -> Table:

@@ -11,6 +11,8 @@ from typing import TYPE_CHECKING, Annotated, Any, NoReturn
 
 import typer
 
+from hmrf_icp.cli import completion
+from hmrf_icp.cli.loudness import Quiet, note, say
 from hmrf_icp.errors import HmrfIcpError, InputError
 
 if TYPE_CHECKING:
@@ -38,6 +40,8 @@ def evaluate(
     output: Annotated[
         Path | None,
         typer.Option(
+            "--output",
+            "-o",
             metavar="DIR",
             show_default="evaluation-DATASET",
             help="Where results.csv, pairs.csv, config.json and the report go.",
@@ -173,6 +177,7 @@ def evaluate(
     fresh: Annotated[
         bool, typer.Option("--fresh", help="Remove an earlier evaluation in DIR and begin anew.")
     ] = False,
+    quiet: Quiet = False,  # noqa: ARG001
 ) -> None:
     """Compare registration methods on a recording, as the paper does.
 
@@ -287,10 +292,10 @@ def _stoppable(bar: EvaluationBar, folder: Path) -> Iterator[None]:
 
 def _print_standings(folder: Path) -> None:
     """Print who solved how much."""
-    from rich.console import Console
     from rich.markup import escape
     from rich.table import Table
 
+    from hmrf_icp.cli.tables import show
     from hmrf_icp.evaluate import standings
     from hmrf_icp.evaluate.report.runs import ReportedStart as Named
 
@@ -314,7 +319,7 @@ def _print_standings(folder: Path) -> None:
             f"{one.median_seconds:.2f} s",
             str(one.failures or ""),
         )
-    Console().print(table)
+    show(table)
 
 
 def _solved_words(folder: Path) -> str:
@@ -338,7 +343,7 @@ def _report(folder: Path) -> None:
         with stage_bar() as bar:
             files = write_report(folder, on_progress=bar.show)
     except HmrfIcpError as error:
-        typer.echo(f"Note: no report was written: {error}", err=True)
-        typer.echo(f"Results: {folder / 'results.csv'}")
+        note(f"no report was written: {error}")
+        say(f"Results: {folder / 'results.csv'}")
         return
-    typer.echo(f"Report: {files.page}")
+    say(f"Report: {files.page}")

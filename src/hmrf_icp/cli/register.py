@@ -1,4 +1,4 @@
-"""``hmrf-icp register``: one pair of files."""
+"""``hmrf-icp register``: a pair of files, or many."""
 
 from __future__ import annotations
 
@@ -12,6 +12,9 @@ from typing import TYPE_CHECKING, Annotated, cast
 import typer
 
 from hmrf_icp import presets
+from hmrf_icp.cli import completion
+from hmrf_icp.cli.loudness import Quiet, Verbose, note, say
+from hmrf_icp.cli.pairs import Pair, asked_for
 from hmrf_icp.errors import InputError
 
 if TYPE_CHECKING:
@@ -24,24 +27,44 @@ NOT_BELIEVED = 1
 
 _DEPTH = "Depth maps"
 _CLOUDS = "Clouds"
+_MANY = "Many pairs"
 _METHOD = "Method"
 _OUTPUT = "Output"
 
 
 def register(
-    source: Annotated[
-        Path,
+    sources: Annotated[
+        list[Path] | None,
         typer.Argument(
-            metavar="SOURCE",
+            metavar="SOURCE...",
             show_default=False,
             help="What moves: a depth map (16-bit PNG or PGM, TIFF, NPY) or a cloud in metres "
-            "(PLY, PCD, XYZ, CSV, TXT, NPY, NPZ).",
+            "(PLY, PCD, XYZ, CSV, TXT, NPY, NPZ); several of them, or a folder.",
         ),
-    ],
+    ] = None,
     target: Annotated[
-        Path,
+        Path | None,
         typer.Argument(metavar="TARGET", show_default=False, help="What stays, of the same kinds."),
-    ],
+    ] = None,
+    pairs: Annotated[
+        Path | None,
+        typer.Option(
+            metavar="LIST",
+            rich_help_panel=_MANY,
+            help="Instead of SOURCE and TARGET: a file with a pair a line, source, target and, "
+            "where there is one, the file with the start; blanks or commas between them, paths "
+            "seen from LIST.",
+        ),
+    ] = None,
+    table: Annotated[
+        Path | None,
+        typer.Option(
+            metavar="CSV",
+            rich_help_panel=_MANY,
+            help="Keep a row of each pair, with its pose, from when it is done. The same command "
+            "goes on from there.",
+        ),
+    ] = None,
     camera: Annotated[
         Path | None,
         typer.Option(
@@ -98,6 +121,7 @@ def register(
         typer.Option(
             metavar="WHERE",
             rich_help_panel=_METHOD,
+            autocompletion=completion.words(("auto", "near", "everywhere")),
             help="Where to look: near the start, everywhere, or auto: near a start that is given "
             "and everywhere without.",
         ),
@@ -105,7 +129,10 @@ def register(
     preset: Annotated[
         str,
         typer.Option(
-            metavar="NAME", rich_help_panel=_METHOD, help=f"One of: {', '.join(presets.names())}."
+            metavar="NAME",
+            rich_help_panel=_METHOD,
+            autocompletion=completion.words(presets.names()),
+            help=f"One of: {', '.join(presets.names())}.",
         ),
     ] = presets.DEFAULT,
     rejector: Annotated[
@@ -113,6 +140,7 @@ def register(
         typer.Option(
             metavar="NAME",
             rich_help_panel=_METHOD,
+            autocompletion=completion.words(presets.rejector_names()),
             help="Another rule than the preset's own for which points have a counterpart, one of: "
             f"{', '.join(presets.rejector_names())}.",
         ),
@@ -122,6 +150,7 @@ def register(
         typer.Option(
             metavar="NAME",
             rich_help_panel=_METHOD,
+            autocompletion=completion.words(presets.aligner_names()),
             help="Another measure than the preset's own of how far matched points are apart, "
             f"one of: {', '.join(presets.aligner_names())}.",
         ),
@@ -138,11 +167,14 @@ def register(
     output: Annotated[
         Path | None,
         typer.Option(
+            "--output",
+            "-o",
             metavar="ALIGNED",
             rich_help_panel=_OUTPUT,
             help="Write the source, moved into the target's frame, as a cloud "
             "(.ply, .pcd, .xyz, .xyzn, .csv, .txt, .npy, .npz); with all that it had, its normals "
-            "turned, where the format has a place for it (.ply, .pcd, .csv, .npz).",
+            "turned, where the format has a place for it (.ply, .pcd, .csv, .npz). Of many pairs "
+            "this is a folder, as are --pose and --figure.",
         ),
     ] = None,
     pose: Annotated[
@@ -174,9 +206,12 @@ def register(
         typer.Option(
             "--json",
             rich_help_panel=_OUTPUT,
-            help="Print the result as one JSON object on stdout, all else on stderr.",
+            help="Print the result as one JSON object on stdout, one a line of many; all else "
+            "on stderr.",
         ),
     ] = False,
+    quiet: Quiet = False,  # noqa: ARG001
+    verbose: Verbose = False,
 ) -> None:
     """Find the rigid motion that takes SOURCE onto TARGET.
 
@@ -184,12 +219,16 @@ def register(
 
     Depth maps: hmrf-icp register a.png b.png --intrinsics 585,585,320,240
 
+    Many onto one: hmrf-icp register A.ply B.ply C.ply TARGET.ply, or hmrf-icp
+    register FOLDER TARGET.ply, with a table at the end.
+
     Exit status: 0 the pose is to be believed (confidence of 0.5 or more, or
-    converged, where the preset gives none); 1 it is not (the result is printed
-    and written all the same, and says what to try); 2 bad input.
+    converged, where the preset gives none), all of them of many; 1 it is not
+    (the result is printed and written all the same, and says what to try); 2
+    bad input.
     """
     import hmrf_icp
-    from hmrf_icp.cli.outputs import Outputs, note
+    from hmrf_icp.cli.outputs import Outputs
     from hmrf_icp.cli.progress import most_iterations, registration_bar, told_of_compiling
     from hmrf_icp.cli.summary import json_text, summary
     from hmrf_icp.io import read_pose
@@ -207,10 +246,36 @@ def register(
     if search not in ("auto", "near", "everywhere"):
         raise InputError(f"--search: unknown {search!r}, expected auto, near or everywhere")
     start = None if init is None else read_pose(init)
+    chosen = {"preset": preset, "rejector": rejector, "aligner": aligner}
+    asked = asked_for(sources or [], target, pairs, init, table)
+    if not isinstance(asked, Pair):
+        from hmrf_icp.cli.many import Many
+
+        def read(path: Path) -> PointCloud:
+            cloud, _ = _read(path, lens, depth_scale, max_depth)
+            return cloud if stood is None else _seen_from(stood, cloud)
+
+        depth = {"depth-scale": depth_scale, "max-depth": max_depth, "intrinsics": intrinsics}
+        raise typer.Exit(
+            Many(
+                asked,
+                read,
+                presets.method(preset, rejector, aligner),
+                None if viewpoint == "none" else "auto",
+                cast("Where", search),
+                num_threads,
+                folders=Outputs(output, pose, figure),
+                table=table,
+                inputs=[file for file in (camera, pairs) if file],
+                settings=chosen | depth | {"camera": camera, "viewpoint": viewpoint},
+                as_json=as_json,
+                profile=profile,
+            ).run()
+        )
+    source, target = asked.source, asked.target
     outputs = Outputs(output, pose, figure)
     outputs.check([file for file in (source, target, camera, init) if file])
 
-    chosen = {"preset": preset, "rejector": rejector, "aligner": aligner}
     named = chosen | {"source": source, "target": target}
     result: RegistrationResult | None = None
     written: list[Path] = []
@@ -239,7 +304,7 @@ def register(
                     viewpoint=None if viewpoint == "none" else "auto",
                     search=cast("Where", search),
                     num_threads=num_threads,
-                    profile=profile,
+                    profile=profile or verbose,
                     on_iteration=bar,
                 )
             bar.stage("Writing")
@@ -249,7 +314,7 @@ def register(
         if result is not None:
             if as_json:
                 typer.echo(json_text(result, named))
-            typer.echo(summary(result, source.name, target.name, written), err=as_json)
+            say(summary(result, source.name, target.name, written), err=as_json)
     raise typer.Exit(0 if result.believed else NOT_BELIEVED)
 
 
