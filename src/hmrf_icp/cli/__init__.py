@@ -40,6 +40,14 @@ class _Commands(TyperGroup):
         for command in (self, *self.commands.values()):
             command.help = _flowing(command.help)
 
+    def get_params(self, ctx: Any) -> Any:
+        """Show the options for completion apart: beside others, 60 columns cut their names."""
+        params = super().get_params(ctx)
+        for param in params:
+            if param.name in ("install_completion", "show_completion"):
+                vars(param)["rich_help_panel"] = "Shell completion"
+        return params
+
     def invoke(self, ctx: Any) -> Any:
         """Run the command that was asked for; its errors become an exit status.
 

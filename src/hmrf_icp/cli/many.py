@@ -3,12 +3,14 @@
 from __future__ import annotations
 
 import json
+import signal
 import warnings
 from collections import Counter
-from collections.abc import Callable, Mapping, Sequence
+from collections.abc import Callable, Iterator, Mapping, Sequence
+from contextlib import contextmanager
 from dataclasses import dataclass, field
 from pathlib import Path
-from typing import TYPE_CHECKING, Any, Literal
+from typing import TYPE_CHECKING, Any, Literal, NoReturn
 
 import typer
 
@@ -99,15 +101,17 @@ class Many:
             self._cloud(*only)
         rows: list[Row] = []
         try:
-            with EvaluationBar() as bar, told_of_compiling(bar):
+            with EvaluationBar() as bar, told_of_compiling(bar), _noticed() as asked_to_stop:
                 for number, pair in enumerate(self.pairs):
-                    bar("Registering", number, len(self.pairs))
-                    if is_verbose():
-                        bar.line(f"{number + 1} of {len(self.pairs)}: {self._called(pair)}")
+                    if asked_to_stop():
+                        raise KeyboardInterrupt
                     row = ledger.done(pair)
                     if row is not None and all(file.exists() for _, file in outputs[pair].files):
                         self._print_json(row.content() | {"from_table": True})
                     else:
+                        bar("Registering", number, len(self.pairs))
+                        if is_verbose():
+                            bar.line(f"{number + 1} of {len(self.pairs)}: {self._called(pair)}")
                         row = self._one(pair, outputs[pair], settings, bar)
                         ledger.add(row)
                     rows.append(row)
@@ -146,7 +150,8 @@ class Many:
             reason = " ".join(str(error).splitlines())
             if isinstance(error, OSError) and error.filename:
                 reason = f"{error.filename}: {error.strerror}"
-            typer.echo(f"Error: {self._called(pair)}: {reason}", err=True)
+            about = "" if reason.startswith(str(pair.source)) else f"{self._called(pair)}: "
+            typer.echo(f"Error: {about}{reason}", err=True)
             failed = Row(*key(pair), FAILED, error=reason, settings=settings)
             self._print_json(failed.content())
             return failed
@@ -236,6 +241,8 @@ class Many:
 
     def _left(self, done: int) -> str:
         """Say what an interrupted run leaves."""
+        if not done:
+            return "none is done yet"
         state = f"{done} of {len(self.pairs)} are done"
         if self.table is None:
             return f"{state}; with --table CSV the same command would go on from there"
@@ -251,3 +258,23 @@ class Many:
         for option, place in [*self.folders.files, ("--table", self.table)]:
             if place is not None:
                 say(f"{option}: {place}", err=self.as_json)
+
+
+@contextmanager
+def _noticed() -> Iterator[Callable[[], bool]]:
+    """Let nobody swallow Ctrl-C, or what a batch system sends: tell whether one came.
+
+    Where it falls into a callback of the compiler, Python prints it and goes on.
+    """
+    came: list[int] = []
+
+    def stop(number: int, frame: Any) -> NoReturn:  # noqa: ARG001
+        came.append(number)
+        raise KeyboardInterrupt
+
+    before = {number: signal.signal(number, stop) for number in (signal.SIGINT, signal.SIGTERM)}
+    try:
+        yield lambda: bool(came)
+    finally:
+        for number, handler in before.items():
+            signal.signal(number, handler)

@@ -6,12 +6,12 @@ import math
 from collections.abc import Sequence
 from pathlib import Path
 
-from rich.markup import escape
 from rich.table import Table
 
 from hmrf_icp.cli.ledger import BELIEVED, DOUBTFUL, FAILED, Row
 from hmrf_icp.cli.pairs import labels
 from hmrf_icp.cli.summary import length
+from hmrf_icp.cli.tables import Name
 
 STYLES = {BELIEVED: "green", DOUBTFUL: "yellow", FAILED: "red"}
 
@@ -35,7 +35,7 @@ def pair_table(rows: Sequence[Row]) -> Table:
         table.add_column(heading, justify="right")
     for row, *names in zip(rows, *named.values(), strict=True):
         table.add_row(
-            *map(escape, names),
+            *(Name(name, named[heading]) for name, heading in zip(names, named, strict=True)),
             f"[{STYLES[row.verdict]}]{row.verdict}[/]",
             _told(row.confidence, "{:.2f}"),
             _told(row.overlap, "{:.1%}"),

@@ -146,7 +146,8 @@ def _words(line: str, listed: Path, number: int) -> list[str]:
     if line.lstrip().startswith("#"):
         return []
     if "," in line:
-        words = [word.strip() for row in csv.reader([line]) for word in row]
+        rows = csv.reader([line], skipinitialspace=True)
+        words = [word.strip() for row in rows for word in row]
         return words[:-1] if words and not words[-1] else words
     try:
         # No escapes: a backslash is a separator of paths somewhere.

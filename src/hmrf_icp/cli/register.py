@@ -36,7 +36,7 @@ def register(
     sources: Annotated[
         list[Path] | None,
         typer.Argument(
-            metavar="SOURCE...",
+            metavar="SOURCE",
             show_default=False,
             help="What moves: a depth map (16-bit PNG or PGM, TIFF, NPY) or a cloud in metres "
             "(PLY, PCD, XYZ, CSV, TXT, NPY, NPZ); several of them, or a folder.",
