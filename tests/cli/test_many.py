@@ -95,7 +95,7 @@ def test_a_folder_onto_one_target(command, scans):
         pose = read_pose(scans.parent / "out" / f"{stem}.txt")
         np.testing.assert_allclose(pose, TRUTH, atol=1e-5)
         told = np.array([float(word) for word in row["transformation"].split()])
-        np.testing.assert_array_equal(told.reshape(4, 4), pose)
+        np.testing.assert_allclose(told.reshape(4, 4), pose, atol=1e-12)
         assert row["verdict"] == "believed"
     moved = read_cloud(scans.parent / "out" / "scan-10.pcd").observed_points
     np.testing.assert_allclose(moved, surface(), atol=1e-5)
