@@ -158,7 +158,14 @@ class Many:
         self._warn(pair, said)
         if result.profile is not None and is_verbose():
             bar.line("\n".join(stages(result.profile)))
-        outputs.write(self._cloud(pair.source)[0], self._cloud(pair.target)[0], result)
+        outputs.write(
+            self._cloud(pair.source)[0],
+            self._cloud(pair.target)[0],
+            result,
+            start,
+            (pair.source.name, pair.target.name),
+            " with ".join(str(name) for name in self._chosen.values() if name),
+        )
         if self.as_json:
             typer.echo(json_text(result, self._named(pair)))
         return row_of(pair, result, settings)
@@ -231,9 +238,12 @@ class Many:
         several = len({one.target for one in self.pairs}) > 1
         return f"{pair.source} to {pair.target}" if several else str(pair.source)
 
+    @property
+    def _chosen(self) -> dict[str, Any]:
+        return {name: self.settings.get(name) for name in ("preset", "rejector", "aligner")}
+
     def _named(self, pair: Pair) -> dict[str, Any]:
-        chosen = {name: self.settings.get(name) for name in ("preset", "rejector", "aligner")}
-        return {**chosen, "source": pair.source, "target": pair.target, "init": pair.init}
+        return {**self._chosen, "source": pair.source, "target": pair.target, "init": pair.init}
 
     def _print_json(self, content: Mapping[str, Any]) -> None:
         if self.as_json:
