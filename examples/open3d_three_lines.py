@@ -8,7 +8,7 @@ from hmrf_icp.synthetic import render, scenes
 
 
 def view(pose):
-    """A view of a desk as Open3D's cloud; yours comes from o3d.io.read_point_cloud."""
+    """Render a desk as Open3D's cloud; yours comes from o3d.io.read_point_cloud."""
     intrinsics = o3d.camera.PinholeCameraIntrinsic(160, 120, 146, 146, 79.5, 59.5)
     camera = hmrf_icp.PinholeCamera(160, 120, 146, 146, 79.5, 59.5)
     depth = np.nan_to_num(render.render(scenes.desk(), camera, pose)).astype(np.float32)

@@ -12,6 +12,7 @@ _FORMULA = re.compile(
     r'<(?P<tag>span|div) class="arithmatex">\\(?P<open>[(\[])(?P<tex>.*?)\\[)\]]</(?P=tag)>',
     re.DOTALL,
 )
+_NAME = re.compile(r"<mi>(arg|min|max|exp|log|tanh|tr)</mi>")
 _ROLE = re.compile(r":(?:class|func|meth|attr|mod|data|exc|obj):<code>~?(.*?)</code>")
 
 
@@ -20,7 +21,14 @@ def on_page_content(content: str, **_: Any) -> str:
     return _ROLE.sub(r"<code>\1</code>", _FORMULA.sub(_mathml, content))
 
 
+def _plain(tex: str) -> str:
+    """Say what the converter does not know in words that it does."""
+    return tex.replace(r"\arg\min", r"\text{arg}\min")
+
+
 def _mathml(found: re.Match[str]) -> str:
     display = "block" if found["open"] == "[" else "inline"
-    formula = convert(html.unescape(found["tex"]).strip(), display=display)
+    formula = convert(_plain(html.unescape(found["tex"]).strip()), display=display)
+    formula = _NAME.sub(r'<mspace width="0.17em"/><mi>\1</mi><mspace width="0.17em"/>', formula)
+    formula = formula.replace("<mi>&#x0007E;</mi>", "<mo>&#x0223C;</mo>")
     return f'<{found["tag"]} class="formula">{formula}</{found["tag"]}>'
