@@ -50,4 +50,5 @@ def on_page_markdown(markdown: str, page: Any, **_: Any) -> str:
 
 
 def _is_page(path: str) -> bool:
-    return path.startswith("docs/") and (ROOT / path).is_file()
+    shown = path.startswith("docs/") and path.endswith((".md", ".png", ".gif"))
+    return shown and not path.endswith("README.md") and (ROOT / path).is_file()
