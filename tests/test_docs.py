@@ -2,13 +2,17 @@
 
 from __future__ import annotations
 
+import functools
 import importlib.util
 import os
 import re
+import shutil
 import subprocess
 import sys
 import textwrap
+import threading
 from html.parser import HTMLParser
+from http.server import SimpleHTTPRequestHandler, ThreadingHTTPServer
 from pathlib import Path
 from urllib.parse import unquote, urlsplit
 
@@ -64,7 +68,7 @@ def given():
         for i in (16, 0)
     )
     names = {"hmrf_icp": hmrf_icp, "np": np, "render": render, "scenes": scenes}
-    return names | {"camera": camera, "source": source, "target": target}
+    return names | {"camera": camera, "source": source, "target": target, "start": np.eye(4)}
 
 
 @pytest.mark.filterwarnings("ignore::hmrf_icp.RegistrationWarning")
@@ -73,6 +77,8 @@ def test_every_block_of_python_runs(page, given, tmp_path, monkeypatch):
     monkeypatch.chdir(tmp_path)
     monkeypatch.setenv("LOKY_MAX_CPU_COUNT", "1")  # loops over the cores run in this process
     monkeypatch.setenv("MPLBACKEND", "agg")
+    for name, cloud in (("A.ply", given["source"]), ("B.ply", given["target"])):
+        given["hmrf_icp"].write_cloud(name, cloud)
     names, left_out = given | {"__name__": "page"}, []
     for block in blocks(page):
         line = page.read_text(encoding="utf-8")[: block.start("code")].count("\n")
@@ -165,3 +171,29 @@ def test_formulas_are_drawn_and_no_markup_is_left(site):
             r"arithmatex|\$\$|\\\(|:class:|:func:|--8&lt;--|^\s*\|.*\|\s*$", text, re.M
         )
         assert left is None, f"{path.relative_to(folder)}: {left[0]!r}"
+
+
+class Quiet(SimpleHTTPRequestHandler):
+    """Serves the site, and says nothing of it."""
+
+    def log_message(self, *_):
+        pass
+
+
+def test_a_browser_draws_a_page_without_complaint(site, tmp_path):
+    browser = shutil.which("chromium") or shutil.which("chromium-browser")
+    if browser is None:
+        pytest.skip("needs chromium")
+    folder, _ = site
+    handler = functools.partial(Quiet, directory=str(folder))
+    with ThreadingHTTPServer(("127.0.0.1", 0), handler) as server:
+        threading.Thread(target=server.serve_forever, daemon=True).start()
+        address = f"http://127.0.0.1:{server.server_port}/method.html"
+        command = [browser, "--headless", "--no-sandbox", "--disable-gpu", "--dump-dom"]
+        command += [f"--user-data-dir={tmp_path}", "--virtual-time-budget=3000"]
+        command += ["--enable-logging=stderr", address]
+        done = subprocess.run(command, capture_output=True, text=True, timeout=300)
+        server.shutdown()
+    assert "md-content" in done.stdout, done.stderr[-2000:]
+    complaints = [line for line in done.stderr.splitlines() if "CONSOLE" in line]
+    assert not complaints
