@@ -44,6 +44,7 @@ def on_page_markdown(markdown: str, page: Any, **_: Any) -> str:
         if not target:
             return words
         relative = os.path.relpath(target, Path(name).parent)
+        words = re.sub(r"^(?:[\w-]+/)*([\w-]+)\.md$", r"\1", words)  # a file's name: a page's
         return f"[{words}]({Path(relative).as_posix()}{part})"
 
     return _LINK.sub(led, markdown)
