@@ -36,7 +36,6 @@ EXAMPLES = Path(__file__).resolve().parents[1] / "examples"
 NEEDS = {
     "open3d_three_lines": "open3d",
     "own_method": "joblib",
-    "scan_to_cad": "hmrf_icp.plot",
 }
 """What an example needs beside the package itself."""
 
