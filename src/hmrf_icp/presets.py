@@ -13,6 +13,7 @@ from hmrf_icp.errors import InputError
 from hmrf_icp.field.general import MarkovField
 from hmrf_icp.field.paper import HiddenMarkovRandomField
 from hmrf_icp.loop.align import Aligner, PointToPoint
+from hmrf_icp.loop.colour import Coloured
 from hmrf_icp.loop.criteria import Criteria, RelativeCriteria, StoppingRule
 from hmrf_icp.loop.icp import Iteration, LoopResult, Method
 from hmrf_icp.loop.match import NearestNeighbour
@@ -47,7 +48,9 @@ class Registrar(Protocol):
 
 PresetName: TypeAlias = Literal["robust", "paper"]
 RejectorName: TypeAlias = Literal["hmrf", "all", "percent", "sigma", "x84", "dynamic", "field"]
-AlignerName: TypeAlias = Literal["point-to-point", "point-to-plane", "symmetric", "plane-to-plane"]
+AlignerName: TypeAlias = Literal[
+    "point-to-point", "point-to-plane", "symmetric", "plane-to-plane", "colour"
+]
 
 DEFAULT: PresetName = "robust"
 
@@ -84,6 +87,7 @@ _ALIGNERS: dict[str, Callable[[], Aligner]] = {
     "point-to-plane": PointToPlane,
     "symmetric": Symmetric,
     "plane-to-plane": PlaneToPlane,
+    "colour": Coloured,
 }
 
 
