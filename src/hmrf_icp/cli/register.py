@@ -126,6 +126,15 @@ def register(
             f"one of: {', '.join(presets.aligner_names())}.",
         ),
     ] = None,
+    colour: Annotated[
+        bool,
+        typer.Option(
+            "--colour",
+            rich_help_panel=_METHOD,
+            help="Take the colours (or intensities) of both clouds as evidence too, beside the "
+            "aligner's measure: texture holds what slides along itself, such as a wall.",
+        ),
+    ] = False,
     num_threads: Annotated[
         int | None,
         typer.Option(
@@ -197,8 +206,9 @@ def register(
     method = presets.preset(preset)
     if rejector is not None:
         presets.rejector(rejector)
-    if aligner is not None:
-        presets.aligner(aligner)
+    metric = None if aligner is None else presets.aligner(aligner)
+    if colour:
+        metric = presets.coloured(aligner)
     _require_positive("--depth-scale", depth_scale, "units per metre")
     _require_positive("--max-depth", max_depth, "metres")
     lens = _lens(camera, intrinsics)
@@ -210,7 +220,7 @@ def register(
     outputs = Outputs(output, pose, figure)
     outputs.check([file for file in (source, target, camera, init) if file])
 
-    chosen = {"preset": preset, "rejector": rejector, "aligner": aligner}
+    chosen = {"preset": preset, "rejector": rejector, "aligner": aligner, "colour": colour}
     named = chosen | {"source": source, "target": target}
     result: RegistrationResult | None = None
     written: list[Path] = []
@@ -235,7 +245,7 @@ def register(
                     start,
                     preset=method,
                     rejector=None if rejector is None else presets.rejector(rejector),
-                    aligner=None if aligner is None else presets.aligner(aligner),
+                    aligner=metric,
                     viewpoint=None if viewpoint == "none" else "auto",
                     search=cast("Where", search),
                     num_threads=num_threads,

@@ -57,7 +57,9 @@ def fit_shading(points: Any, normals: Any, values: Any, index: Any) -> Any:
         n = 0
         mu = mv = mc = 0.0
         for j in index[i]:
-            x, y, z = (points[j, k] - points[i, k] for k in range(3))
+            x = points[j, 0] - points[i, 0]
+            y = points[j, 1] - points[i, 1]
+            z = points[j, 2] - points[i, 2]
             off = nx * x + ny * y + nz * z
             if math.isnan(values[j]) or 2.0 * off * off > x * x + y * y + z * z:
                 continue
