@@ -111,6 +111,9 @@ def cpd(source: Prepared, target: Prepared, init: Array) -> Estimate:
     import pycpd
 
     class Rigid(pycpd.RigidRegistration):  # type: ignore[misc]
+        q: float
+        sigma2: float
+
         def update_transform(self) -> None:
             super().update_transform()
             self.s = 1.0
