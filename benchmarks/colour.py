@@ -26,7 +26,7 @@ WAVES = 12
 
 
 def view(seed: int, offset: float, noise: int, bright: float = 1.0) -> PointCloud:
-    """What a camera sees that looks straight at the wall, ``offset`` metres to the right."""
+    """Return the view of a camera straight before the wall, ``offset`` metres to the right."""
     texture, sensor = np.random.default_rng(seed), np.random.default_rng(noise)
     depth = np.full((CAMERA.height, CAMERA.width), AWAY)
     points = CAMERA.unproject(depth)

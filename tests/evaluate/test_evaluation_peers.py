@@ -125,7 +125,7 @@ def test_what_needs_colours_is_compared_where_it_is_asked_for_and_says_what_is_m
     assert "colour" not in {m.name for m in methods.choose(None)}
     assert "colour" not in methods.usual(listed=False, points_alone=False)
     assert [m.name for m in methods.choose(["colour"])] == ["colour"]
-    bare = [Prepared(PointCloud(cloud.points)) for cloud in desk[:2]]
+    bare = [Prepared(PointCloud(cloud.cloud.points, cloud.cloud.camera)) for cloud in desk[:2]]
     with pytest.raises(InputError, match="no colours"):
         methods.choose(["colour"])[0].register(*bare, desk[2])
     if "o3d-colour" in asked_for:
