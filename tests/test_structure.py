@@ -20,7 +20,7 @@ FLOORS = (
     ("errors", "frozen", "kernels", "stages"),
     ("se3", "threads"),
     ("clouds",),
-    ("io", "synthetic"),
+    ("io", "synthetic", "drawing"),
     ("loop",),
     ("field",),
     ("search",),
@@ -28,7 +28,7 @@ FLOORS = (
     ("result",),
     ("registration",),
     ("figures", "datasets"),
-    ("evaluate",),
+    ("evaluate", "plot"),
     ("cli",),
 )
 """From the ground up; a room imports from its own floor only within itself, and from below."""

@@ -202,11 +202,33 @@ class RegistrationResult:
             f"Registration: {self.verdict}",
             *([] if self.advice is None else [f"  {self.advice}"]),
             f"  {self._numbers()}",
-            f"  motion {se3.translation_norm(motion):.4g} m, "
-            f"{np.degrees(se3.rotation_angle(motion)):.4g} deg",
+            f"  motion {se3.translation_norm(motion):.4g} m, {_degrees(motion):.4g} deg",
             *(f"  free: {free}" for free in self.degenerate),
         ]
         return "\n".join(lines)
+
+    def _repr_html_(self) -> str:
+        """Summary for a notebook, with a small picture where the clouds are still there."""
+        from hmrf_icp.drawing.card import card, picture
+
+        held, clouds, motion = (
+            self.correspondences,
+            self.correspondences.clouds,
+            self.transformation,
+        )
+        image = None
+        if clouds is not None and held.pose is not None:
+            source, target = (one.cloud for one in clouds)
+            image = picture(source, target, held.pose, held.matched.probability)
+        state = "converged" if self.converged else "did not converge"
+        rows = [
+            ("overlap", f"{self.overlap:.1%} of the source's surface"),
+            ("inliers", f"{self.fitness:.1%} of the points, RMSE {self.inlier_rmse:.4g} m"),
+            ("motion", f"{se3.translation_norm(motion):.4g} m, {_degrees(motion):.4g} deg"),
+            ("iterations", f"{self.iterations}, {state}, {self.seconds:.2f} s"),
+            *(("free", str(free)) for free in self.degenerate),
+        ]
+        return card(f"Registration: {self.verdict}", self.believed, self.advice, rows, image)
 
     def _numbers(self) -> str:
         state = "converged" if self.converged else "did not converge"
@@ -219,3 +241,7 @@ class RegistrationResult:
 def count(number: int, noun: str) -> str:
     """Say a number of things, one or many."""
     return f"{number} {noun}" + ("s" if number != 1 else "")
+
+
+def _degrees(pose: NDArray[np.float64]) -> float:
+    return float(np.degrees(se3.rotation_angle(pose)))

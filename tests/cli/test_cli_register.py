@@ -513,20 +513,23 @@ def drawing(monkeypatch):
 
 def test_figure_is_drawn_of_both_clouds_and_the_result(command, clouds, tmp_path, drawing):
     drawing(
-        lambda source, target, result, path: path.write_text(
-            f"{path.suffix} {source.shape} {target.shape} {result.converged}"
+        lambda source, target, result, path, init, names, method: path.write_text(
+            f"{path.suffix} {source.shape} {target.shape} {result.converged} {init} {method} "
+            f"{' '.join(names)}"
         )
     )
     status, _, err = command("register", *clouds, "--json", "--figure", tmp_path / "f.png")
     assert status == 0
-    assert (tmp_path / "f.png").read_text() == ".png (36, 48) (1728,) True"
+    said = ".png (36, 48) (1728,) True None robust"
+    names = " ".join(cloud.name for cloud in clouds)
+    assert (tmp_path / "f.png").read_text() == f"{said} {names}"
     assert "f.png" in err
 
 
 def test_a_figure_that_fails_keeps_the_other_output_from_being_replaced(
     command, clouds, tmp_path, drawing
 ):
-    def fail(source, target, result, path):
+    def fail(source, target, result, path, init, names, method):
         raise hmrf_icp.InputError("figure: cannot be drawn")
 
     drawing(fail)

@@ -19,6 +19,7 @@ from typing import Annotated, Any, TextIO
 import typer
 from typer.core import TyperGroup
 
+from hmrf_icp.cli.animate import animate
 from hmrf_icp.cli.demo import demo
 from hmrf_icp.cli.evaluate import evaluate
 from hmrf_icp.cli.register import register
@@ -69,6 +70,7 @@ app = typer.Typer(
 # One line a command, in the order in which --help lists them.
 app.command()(demo)
 app.command()(register)
+app.command()(animate)
 app.command()(evaluate)
 app.command()(report)
 

@@ -14,6 +14,7 @@ from hmrf_icp.errors import InputError
 if TYPE_CHECKING:
     from hmrf_icp.clouds.cloud import PointCloud
     from hmrf_icp.result import RegistrationResult
+    from hmrf_icp.se3 import Array
 
 FIGURE_SUFFIXES = (".png", ".pdf", ".svg")
 
@@ -52,9 +53,18 @@ class Outputs:
             taken[file.resolve()] = f"is what {option} writes"
 
     def write(
-        self, source: PointCloud, target: PointCloud, result: RegistrationResult
+        self,
+        source: PointCloud,
+        target: PointCloud,
+        result: RegistrationResult,
+        start: Array | None = None,
+        names: tuple[str, str] | None = None,
+        method: str | None = None,
     ) -> list[Path]:
-        """Write them all; none of them moves to its place before every one is complete."""
+        """Write them all; none of them moves to its place before every one is complete.
+
+        The start, the names of the clouds and the method are what the figure says.
+        """
         from hmrf_icp.clouds.moved import moved
         from hmrf_icp.io import write_cloud, write_pose
         from hmrf_icp.io.cloud import dropped
@@ -77,7 +87,9 @@ class Outputs:
                 from hmrf_icp.figures.registration import registration_figure
 
                 partial = outputs.enter_context(written_whole(self.figure))
-                registration_figure(source, target, result, partial)
+                registration_figure(
+                    source, target, result, partial, start, names=names, method=method
+                )
         return [file for _, file in self.files]
 
 

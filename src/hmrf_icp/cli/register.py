@@ -253,7 +253,9 @@ def register(
                     on_iteration=bar,
                 )
             bar.stage("Writing")
-            written = outputs.write(moving, staying, result)
+            called = " with ".join(name for name in (preset, rejector, aligner) if name)
+            names = source.name, target.name
+            written = outputs.write(moving, staying, result, start, names, called)
     finally:
         # Also where writing failed: a full disk must not cost the result as well.
         if result is not None:
