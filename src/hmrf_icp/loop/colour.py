@@ -52,6 +52,12 @@ class Coloured(SurfaceMetric):
     ----------
     geometric
         How far surfaces are apart. Its weights count, and not those given here.
+
+    Examples
+    --------
+    >>> from hmrf_icp import Coloured, PointToPlane
+    >>> Coloured(geometric=PointToPlane()).geometric
+    PointToPlane(weights='soft')
     """
 
     geometric: SurfaceMetric = field(default_factory=Symmetric)
