@@ -638,3 +638,36 @@ def test_a_name_that_is_no_text_is_shown_all_the_same(clouds, tmp_path):
     )
     assert run.returncode == 0
     assert b"scan_\\udcff.pcd to target.ply" in run.stdout
+
+
+def test_colour_is_taken_as_evidence_and_missed_where_there_is_none(command, tmp_path):
+    rng = np.random.default_rng(0)
+    slide = np.array([0.03, 0.0, 0.0])
+    files = []
+    for name, motion in (("source", slide), ("target", np.zeros(3))):
+        x, y = rng.uniform(-0.5, 0.5, (2, 2000))
+        points = np.stack([x, y, rng.normal(0.0, 0.002, 2000)], axis=1) - motion
+        bright = 0.5 + 0.2 * np.sin(9.0 * x + 2.0 * y) + 0.2 * np.cos(11.0 * y - 3.0 * x)
+        value = np.rint(255.0 * bright).astype(np.uint8)
+        colours = dict.fromkeys(("red", "green", "blue"), value)
+        files.append(tmp_path / f"{name}.ply")
+        write_cloud(files[-1], PointCloud(points, attributes=colours))
+    options = ("--preset", "paper", "--rejector", "all", "--json")
+    status, out, _ = command(
+        "register", *files, *options, "--aligner", "point-to-plane", "--colour"
+    )
+    found = json.loads(out)
+    assert found["colour"] is True
+    assert found["transformation"][0][3] == pytest.approx(0.03, abs=0.004)
+    assert found["degenerate"] == []
+    bare = tmp_path / "bare.xyz"
+    write_cloud(bare, PointCloud(points))
+    status, _, error = command("register", bare, files[1], *options, "--colour")
+    assert status == 2
+    assert "no colours" in error
+    assert "bare.xyz" in error
+    status, _, error = command(
+        "register", *files, *options, "--aligner", "point-to-point", "--colour"
+    )
+    assert status == 2
+    assert "looks at surfaces" in error
