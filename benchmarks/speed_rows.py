@@ -1,0 +1,301 @@
+"""The rows of `speed.py` that take turns with their peer in one process."""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from typing import Any
+
+import numpy as np
+
+import hmrf_icp
+import speed_pairs
+import speed_peers
+from hmrf_icp import Criteria, PointCloud
+from speed_measure import Measured, Row, Setting, Task, against, in_turn, seconds
+from speed_pairs import Timed, fresh
+
+ITERATIONS = 5
+"""Of the paper's preset and of Open3D, which has a distance to choose: 0.1 m."""
+
+SIZES = ((320, 240), (640, 480), (1280, 960), (1920, 1440))
+MILLIONS = 5_000_000
+
+Poses = dict[str, list[bool]]
+
+
+def ours(pair: Timed, setting: Setting, **named: Any) -> hmrf_icp.RegistrationResult:
+    """Register a pair near its start, from clouds of which nothing is worked out."""
+    named = {"num_threads": setting.threads} | named
+    return hmrf_icp.register(fresh(pair.source), fresh(pair.target), pair.init, **named)
+
+
+def bare(pair: Timed, setting: Setting, **named: Any) -> hmrf_icp.RegistrationResult:
+    """Register the points (N, 3) alone."""
+    points = pair.source.observed_points, pair.target.observed_points
+    return hmrf_icp.register(*points, pair.init, num_threads=setting.threads, **named)
+
+
+def judged(pair: Timed, name: str, kept: Poses, pose: Callable[[], np.ndarray]) -> Task:
+    """Make a task that keeps whether its pose is right; a method that gives up is wrong."""
+    right = kept.setdefault(name, [])
+    place = len(right)
+    right.append(False)
+
+    def task() -> None:
+        right[place] = pair.right(pose())
+
+    return task
+
+
+def shares(kept: Poses) -> dict[str, float]:
+    """Recall by name."""
+    return {name: float(np.mean(right)) for name, right in kept.items()}
+
+
+def profile_of(task: Callable[[], hmrf_icp.RegistrationResult], repeats: int) -> dict[str, float]:
+    """Median of the own seconds of each stage."""
+    runs = [{stage.name: stage.seconds for stage in task().profile or ()} for _ in range(repeats)]
+    return {name: float(np.median([run.get(name, 0.0) for run in runs])) for name in runs[0]}
+
+
+# --- near a start -------------------------------------------------------------------------------
+
+
+def depth(setting: Setting) -> Measured:
+    """640 x 480 over all overlaps, beside GICP."""
+    speed_peers.need("small_gicp")
+    name, pairs = speed_pairs.all_deciles(setting)
+    kept: Poses = {}
+
+    def group(pair: Timed) -> tuple[Task, ...]:
+        points = pair.source.observed_points, pair.target.observed_points
+
+        def gicp(voxel: float) -> Task:
+            reach = 5 * voxel
+            call = lambda: speed_peers.gicp(*points, pair.init, voxel, reach, setting.threads)  # noqa: E731
+            return judged(pair, f"GICP {voxel:g} m", kept, call)
+
+        mine = judged(pair, "hmrf-icp", kept, lambda: ours(pair, setting).transformation)
+        return mine, gicp(0.02), gicp(0.05)
+
+    times = in_turn([group(pair) for pair in pairs], setting.some(3, 1))
+    half = len(pairs) // 2
+    return against(
+        times,
+        f"{name}, all overlaps, start pi/30",
+        recall=shares(kept),
+        medians=dict(zip(kept, np.median(times, axis=0).tolist(), strict=True)),
+        overlap=[pair.overlap for pair in pairs],
+        profile=profile_of(lambda: ours(pairs[half], setting, profile=True), 5),
+    )
+
+
+def low(setting: Setting) -> Measured:
+    """Little overlap beside much."""
+    count = setting.some(8, 2)
+    name, little = speed_pairs.depth_pairs(setting, 0.1, 0.3, count)
+    _, much = speed_pairs.depth_pairs(setting, 0.85, 0.96, count)
+    tasks = [
+        (lambda a=a: ours(a, setting), lambda b=b: ours(b, setting))
+        for a, b in zip(little, much, strict=False)
+    ]
+    return against(in_turn(tasks, setting.some(3, 1)), name)
+
+
+def prepared(setting: Setting) -> Measured:
+    """One target for many sources."""
+    name, pairs = speed_pairs.depth_pairs(setting, 0.3, 0.96, setting.some(8, 2))
+
+    def further(pair: Timed) -> Task:
+        target = hmrf_icp.prepare(pair.target)
+        return lambda: hmrf_icp.register(
+            fresh(pair.source), target, pair.init, num_threads=setting.threads
+        )
+
+    tasks = [(further(pair), lambda pair=pair: ours(pair, setting)) for pair in pairs]
+    return against(in_turn(tasks, setting.some(3, 1)), name)
+
+
+def points(setting: Setting) -> Measured:
+    """Points alone beside the depth map with its camera."""
+    name, pairs = speed_pairs.depth_pairs(setting, 0.1, 0.96, setting.some(8, 2))
+    tasks = [
+        (lambda pair=pair: bare(pair, setting), lambda pair=pair: ours(pair, setting))
+        for pair in pairs
+    ]
+    profile = profile_of(lambda: bare(pairs[0], setting, profile=True), 3)
+    return against(in_turn(tasks, setting.some(3, 1)), name, profile=profile)
+
+
+def lidar(setting: Setting) -> Measured:
+    """LiDAR scans beside GICP."""
+    speed_peers.need("small_gicp")
+    pairs = speed_pairs.lidar_pairs(setting)
+    kept: Poses = {}
+
+    def group(pair: Timed) -> tuple[Task, ...]:
+        both = pair.source.observed_points, pair.target.observed_points
+        return (
+            lambda: ours(pair, setting),
+            lambda: speed_peers.gicp(*both, pair.init, 0.25, 1.0, setting.threads),
+        )
+
+    times = in_turn([group(pair) for pair in pairs], setting.some(3, 1))
+    profile = profile_of(lambda: ours(pairs[0], setting, profile=True), 3)
+    each = [pair.name for pair in pairs]
+    return against(times, "start pi/30", pairs=each, recall=shares(kept), profile=profile)
+
+
+def threads(setting: Setting) -> Measured:
+    """Two threads beside one."""
+    name, pairs = speed_pairs.depth_pairs(setting, 0.1, 0.96, setting.some(8, 2))
+    tasks = [
+        (
+            lambda pair=pair: ours(pair, setting, num_threads=2),
+            lambda pair=pair: ours(pair, setting, num_threads=1),
+        )
+        for pair in pairs
+    ]
+    return against(in_turn(tasks, setting.some(5, 1)), name)
+
+
+# --- from nowhere -------------------------------------------------------------------------------
+
+
+def fragments(setting: Setting) -> Measured:
+    """Fused fragments without a start, beside KISS-Matcher and GICP."""
+    speed_peers.need("kiss_matcher", "small_gicp")
+    pairs = speed_pairs.fragment_pairs(setting)
+    kept: Poses = {}
+
+    def group(pair: Timed) -> tuple[Task, ...]:
+        both = pair.source.observed_points, pair.target.observed_points
+        nowhere = lambda: hmrf_icp.register(*both, num_threads=setting.threads).transformation  # noqa: E731
+        kiss = lambda: speed_peers.kiss_gicp(*both, 0.05, setting.threads)  # noqa: E731
+        return (
+            judged(pair, "hmrf-icp", kept, nowhere),
+            judged(pair, "KISS-Matcher, GICP", kept, kiss),
+        )
+
+    times = in_turn([group(pair) for pair in pairs], 1)
+
+    def profiled() -> hmrf_icp.RegistrationResult:
+        both = pairs[0].source.observed_points, pairs[0].target.observed_points
+        return hmrf_icp.register(*both, num_threads=setting.threads, profile=True)
+
+    return against(
+        times,
+        "no start",
+        recall=shares(kept),
+        medians=dict(zip(kept, np.median(times, axis=0).tolist(), strict=True)),
+        profile=profile_of(profiled, 1),
+    )
+
+
+# --- size ---------------------------------------------------------------------------------------
+
+
+def millions(setting: Setting) -> Measured:
+    """Five million points a side, as bare points and as images."""
+    large = speed_pairs.rendered(2800, 2100)
+    clouds = (large.source, large.target)
+    some = [PointCloud(cloud.observed_points[:MILLIONS]) for cloud in clouds]
+    pair = Timed("5 million", *some, large.truth, large.init)
+    small = speed_pairs.rendered(320, 240)
+    bare(small, setting), ours(small, setting)
+    repeats = setting.some(3, 1)
+    alone = float(np.median([seconds(lambda: bare(pair, setting)) for _ in range(repeats)]))
+    image = float(np.median([seconds(lambda: ours(large, setting)) for _ in range(repeats)]))
+    result = bare(pair, setting, profile=True)
+    count = min(len(cloud) for cloud in some)
+    return Measured(
+        alone,
+        alone,
+        None,
+        1,
+        f"rendered, {count:,} points (N, 3); as images of 2800 x 2100 {image:.2f} s",
+        {
+            "image": image,
+            "right": pair.right(result.transformation),
+            "profile": {stage.name: stage.seconds for stage in result.profile or ()},
+        },
+    )
+
+
+def paper(setting: Setting) -> Measured:
+    """Run the paper's preset beside Open3D, the same number of iterations."""
+    speed_peers.need("open3d")
+    pair = speed_pairs.memory_pair(setting)
+    both = pair.source.observed_points, pair.target.observed_points
+    tasks = (
+        lambda: ours(pair, setting, preset="paper", criteria=Criteria(0.0, 0.0, ITERATIONS)),
+        lambda: speed_peers.open3d_point_to_point(*both, pair.init, 0.1, ITERATIONS),
+    )
+    times = in_turn([tasks], setting.some(3, 1))
+    profile = profile_of(
+        lambda: ours(
+            pair, setting, preset="paper", criteria=Criteria(0.0, 0.0, ITERATIONS), profile=True
+        ),
+        1,
+    )
+    note = f"{pair.name}, {ITERATIONS} iterations each"
+    return against(times, note, profile=profile)
+
+
+def exponent(preset: str) -> Callable[[Setting], Measured]:
+    """How time grows with pixels: the slope of a line through the logarithms."""
+
+    def run(setting: Setting) -> Measured:
+        named: dict[str, Any] = {"preset": preset}
+        if preset == "paper":
+            named["criteria"] = Criteria(0.0, 0.0, ITERATIONS)
+        pixels, took = [], []
+        for width, height in SIZES[: setting.some(4, 3)]:
+            pair = speed_pairs.rendered(width, height)
+            if not took:
+                ours(pair, setting, **named)
+            repeats = setting.some(3, 1) if width < 1000 or preset != "paper" else 1
+            times = [
+                seconds(lambda pair=pair: ours(pair, setting, **named)) for _ in range(repeats)
+            ]
+            pixels.append(width * height)
+            took.append(float(np.median(times)))
+        slope = float(np.polyfit(np.log(pixels), np.log(took), 1)[0])
+        note = "rendered desk: " + ", ".join(f"{time:.2f}" for time in took) + " s"
+        return Measured(slope, None, None, len(took), note, {"pixels": pixels, "seconds": took})
+
+    return run
+
+
+def bandwidth(setting: Setting) -> Measured:
+    """Measure what this machine's memory gives: a copy and a triad of arrays beyond its caches."""
+    a, b, c = (np.full(30_000_000 // setting.some(1, 3), value) for value in (1.0, 2.0, 3.0))
+
+    def triad() -> None:
+        np.multiply(b, 3.0, out=a)
+        np.add(a, c, out=a)
+
+    copied = min(seconds(lambda: np.copyto(a, b)) for _ in range(7))
+    added = min(seconds(triad) for _ in range(7))
+    rate = 2 * a.nbytes / copied / 1e9
+    details = {"copy": rate, "triad": 5 * a.nbytes / added / 1e9}
+    note = f"one thread, copy; multiply and add {details['triad']:.1f}"
+    return Measured(rate, None, None, 1, note, details)
+
+
+ROWS = {
+    "depth": Row(
+        "depth pair 640 x 480, all overlaps", "small_gicp GICP, 0.02 m voxels", 0.5, depth
+    ),
+    "low": Row("the same, overlap 0.1 to 0.3", "itself at 0.9", 1.5, low),
+    "prepared": Row("each further source of a prepared target", "a pair", 0.5, prepared),
+    "points": Row("the same pair as points (N, 3)", "with its camera", 2.0, points),
+    "lidar": Row("LiDAR pair", "small_gicp GICP, 0.25 m voxels", 3.0, lidar),
+    "fragments": Row("fragments from nowhere", "KISS-Matcher and GICP", 2.0, fragments),
+    "millions": Row("5 million points a side", "", 5.0, millions, "s"),
+    "paper": Row('preset="paper", 640 x 480', "Open3D point-to-point, 0.1 m", 1.0, paper),
+    "size": Row('preset="paper", 320 x 240 to 1920 x 1440', "exponent", 1.1, exponent("paper")),
+    "size-own": Row("the default, the same sizes", "exponent", None, exponent("robust")),
+    "threads": Row("two threads", "one", 0.65, threads),
+    "bandwidth": Row("memory bandwidth", "", None, bandwidth, "GB/s"),
+}
