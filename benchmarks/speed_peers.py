@@ -74,7 +74,9 @@ def open3d_point_to_point(
     """Run exactly so many iterations of Open3D's point-to-point ICP."""
     from open3d import geometry, pipelines, utility
 
-    clouds = [geometry.PointCloud(utility.Vector3dVector(points)) for points in (source, target)]
+    clouds = [
+        geometry.PointCloud(utility.Vector3dVector(points.copy())) for points in (source, target)
+    ]
     registration = pipelines.registration
     result = registration.registration_icp(
         *clouds,
