@@ -217,7 +217,7 @@ def described(
     def decide(matches: Matches) -> Labels:
         return loop.labels if searched is None else searched.labels(source, target, matches)
 
-    middle = se3.transform(loop.transformation, source.points.mean(axis=0))
+    middle = se3.transform(loop.transformation, source.centroid)
     information = None if loop.last is None else loop.last.information
     return RegistrationResult(
         transformation=between_frames(loop.transformation, source, target),

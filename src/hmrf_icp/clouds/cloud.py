@@ -13,7 +13,7 @@ from numpy.typing import ArrayLike, NDArray
 
 from hmrf_icp.clouds.camera import PinholeCamera
 from hmrf_icp.clouds.conversion import as_camera, depth_map, parts_of
-from hmrf_icp.clouds.nothing import MIXED, nothing
+from hmrf_icp.clouds.nothing import MIXED, at_place, nothing
 from hmrf_icp.clouds.per_point import Attributes, normals_for
 from hmrf_icp.errors import InputError
 
@@ -100,7 +100,7 @@ class PointCloud:
             object.__setattr__(self, "viewpoint", viewpoint)
         if self.viewpoint is not None:
             # No sensor sees where it stands: so recorders write beams that did not return.
-            points[each(points == self.viewpoint)] = np.nan
+            points[at_place(points, self.viewpoint)] = np.nan
             self.viewpoint.flags.writeable = False
         mask, notes = nothing(points, self.viewpoint, depth=self.camera is not None)
         if mask is not None:

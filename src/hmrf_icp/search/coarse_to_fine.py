@@ -23,7 +23,7 @@ from hmrf_icp.loop.match import Matches
 from hmrf_icp.loop.placed import Placed
 from hmrf_icp.loop.reject import Labels, Rejector
 from hmrf_icp.search.candidates import Level
-from hmrf_icp.search.search import Search, Starts
+from hmrf_icp.search.search import Search
 from hmrf_icp.search.visibility import Visibility
 from hmrf_icp.search.visible_match import VisibleMatch
 
@@ -35,11 +35,13 @@ CLOSE = Level(1500, 6000, 56, 3, (0.15, 0.08, 0.04, 0.03, 0.02, 0.015), 8)
 CONVINCED_AT_ONCE = 0.9
 """Confidence of what the start itself leads to from which it is not even turned."""
 
-CONVINCED, CONVINCED_UNSEEN = 0.5, 0.9
-"""Confidence from which no further starts are tried: with free space, and without it.
+CONVINCED, CONVINCED_NEAR_UNSEEN, CONVINCED_UNSEEN = 0.5, 0.9, 0.75
+"""Confidence from which no further starts are tried: with free space, and without it, near a start
+and everywhere.
 
 Free space leaves a pose that is more likely right than not few rivals; without it something
-similar a step away, such as an object half its size off, can be as likely.
+similar a step away, such as an object half its size off, can be as likely. Hypotheses from
+everywhere have it among them, turns of a start do not.
 """
 
 
@@ -94,13 +96,13 @@ class CoarseToFine:
         source, target = threads.current().map(self._ready, (source, target))
         search = Search(self, source, target, init, near, on_iteration)
         end = search.from_start()
+        enough = CONVINCED_NEAR_UNSEEN if near else CONVINCED_UNSEEN
+        enough = CONVINCED if end.visibility.views else enough
         if end.confidence < CONVINCED_AT_ONCE:
-            end = search.among(Starts(search.turns, 0, self.finalists, False))
             for more in search.farther():
-                if end.confidence >= (CONVINCED if end.visibility.views else CONVINCED_UNSEEN):
+                if search.among(more).confidence >= enough:
                     break
-                end = search.among(more)
-        end = search.polished(search.no_worse(end))
+        end = search.polished(search.no_worse(search.end()))
         return SearchResult(end.loop, end.visibility, end.confidence, self)
 
     def _ready(self, cloud: PreparedCloud) -> PreparedCloud:

@@ -11,6 +11,7 @@ from __future__ import annotations
 import math
 from collections.abc import Callable, Iterable, Iterator, Sequence
 from dataclasses import replace
+from functools import cached_property
 from itertools import islice
 from typing import NamedTuple, Protocol
 
@@ -36,6 +37,9 @@ TESTED_FIRST, TESTED_EARLY, TESTED_LATE = 250, 1000, 4000
 """Points of each cloud that are held against the other's view: of all poses, of those that may
 become candidates, and of the last.
 """
+
+HOPELESS = 0.01
+"""Confidence of the best end so far below which nobody refines it before others were tried."""
 
 FROM_START = 3
 """Candidates that are taken of where the start leads from its scales."""
@@ -123,32 +127,36 @@ class Search:
             VisibilityTest(self._source, self._target, count)
             for count in (TESTED_FIRST, TESTED_EARLY, TESTED_LATE)
         )
-        self._coarse, self._close = (
-            Annealer(self._source, self._target, level) for level in (plan.coarse, plan.close)
-        )
+        self._close = Annealer(self._source, self._target, plan.close)
         self._on_iteration = on_iteration
 
         size = self._target.surface.size
         middle = se3.transform(init, centre(self._source.surface))
         fall = FALL if near else FALL_ANYWHERE
         self._prior = StartPrior(init, middle, size, fall)
-        self.turns = turned(init, middle, plan.turn, plan.turn_step)
-        self.shifts = shifted(self.turns, plan.shift * size)
+        self._turns = turned(init, middle, plan.turn, plan.turn_step)
 
         self._candidates: list[Candidate] = []
         self._ends: list[Judged] = []
         self._best: Judged | None = None
 
+    @cached_property
+    def _coarse(self) -> Annealer:
+        """Prepared when the first start is turned: most searches end before."""
+        return Annealer(self._source, self._target, self._plan.coarse)
+
     def farther(self) -> Iterator[Starts]:
         """More starts, one kind after the other, for as long as somebody asks for them."""
-        shifts = Starts(self.shifts, 0, self._plan.finalists, False)
+        most = self._plan.finalists
+        # Turns of nothing in particular are worth trying where trying is cheap.
+        if self._near or self._test_late.views:
+            yield Starts(self._turns, 0, most, False)
         if self._near:
-            yield shifts
+            yield Starts(shifted(self._turns, self._plan.shift * self._prior.size), 0, most, False)
             return
         for poses in everywhere(self._source, self._target):
             if len(poses):
-                yield Starts(poses, 1, 2 * self._plan.finalists, True)
-        yield shifts
+                yield Starts(poses, 1, 2 * most, True)
 
     def from_start(self) -> Judged:
         """Return the likeliest end of the start as it is, and of where it leads."""
@@ -181,6 +189,13 @@ class Search:
     def _gone_on(self, candidates: Sequence[Candidate]) -> Judged:
         self._candidates += candidates
         self._ends += self._tried(candidates)
+        likely = max((end.confidence for end in self._ends), default=1.0)
+        if self._best is None and likely < HOPELESS:
+            return likeliest(self._ends)
+        return self._refined()
+
+    def end(self) -> Judged:
+        """Return the likeliest end of all starts."""
         return self._refined()
 
     def _log_posteriors(self, poses: Array, most: int, first: int) -> Array:
