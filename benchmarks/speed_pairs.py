@@ -9,8 +9,9 @@ from pathlib import Path
 
 import numpy as np
 
+import depth_pairs
 import judges
-from hmrf_icp import PointCloud, datasets, read_cloud, se3
+from hmrf_icp import PointCloud, datasets, read_cloud
 from hmrf_icp.evaluate import protocol
 from hmrf_icp.synthetic import render, scenes
 from speed_measure import Left, Setting
@@ -83,7 +84,7 @@ def overlaps(setting: Setting) -> tuple[tuple[int, int, float], ...]:
     return tuple(found)
 
 
-def depth_pairs(
+def pairs_within(
     setting: Setting, low: float, high: float, count: int, seed: int = 0
 ) -> tuple[str, list[Timed]]:
     """Draw pairs of 640 x 480 with an overlap within the bounds; the name of the data too."""
@@ -106,7 +107,7 @@ def all_deciles(setting: Setting) -> tuple[str, list[Timed]]:
     name, pairs = "", []
     for decile in range(0, DECILES, setting.some(1, 3)):
         low, high = decile / DECILES, (decile + 1) / DECILES + (decile == DECILES - 1)
-        name, some = depth_pairs(setting, low, high, setting.some(2, 1))
+        name, some = pairs_within(setting, low, high, setting.some(2, 1))
         pairs += some
     return name, pairs
 
@@ -169,14 +170,7 @@ def fragment_pairs(setting: Setting) -> list[Timed]:
     ]
 
 
-def memory_pair(setting: Setting) -> Timed:
-    """Return the pair that rows in processes of their own register."""
-    name, frames = depth_frames(setting)
-    if name == "kitchen-exact":
-        by_index = {frame.index: frame for frame in frames}
-        free, fixed = by_index[230], by_index[200]
-    else:
-        free, fixed = frames[len(frames) // 6], frames[0]
-    source, target = free.load(), fixed.load()
-    truth = se3.inverse(fixed.pose) @ free.pose
-    return Timed(name, source, target, truth, started(source, truth))
+def vga_pair() -> Timed:
+    """Return the pair that the other benchmarks run on too."""
+    name, source, target, truth, init = depth_pairs.vga_pair()
+    return Timed(name, source, target, truth, init)

@@ -93,8 +93,8 @@ def depth(setting: Setting) -> Measured:
 def low(setting: Setting) -> Measured:
     """Little overlap beside much."""
     count = setting.some(8, 2)
-    name, little = speed_pairs.depth_pairs(setting, 0.1, 0.3, count)
-    _, much = speed_pairs.depth_pairs(setting, 0.85, 0.96, count)
+    name, little = speed_pairs.pairs_within(setting, 0.1, 0.3, count)
+    _, much = speed_pairs.pairs_within(setting, 0.85, 0.96, count)
     tasks = [
         (lambda a=a: ours(a, setting), lambda b=b: ours(b, setting))
         for a, b in zip(little, much, strict=False)
@@ -104,7 +104,7 @@ def low(setting: Setting) -> Measured:
 
 def prepared(setting: Setting) -> Measured:
     """One target for many sources."""
-    name, pairs = speed_pairs.depth_pairs(setting, 0.3, 0.96, setting.some(8, 2))
+    name, pairs = speed_pairs.pairs_within(setting, 0.3, 0.96, setting.some(8, 2))
 
     def further(pair: Timed) -> Task:
         target = hmrf_icp.prepare(pair.target)
@@ -118,7 +118,7 @@ def prepared(setting: Setting) -> Measured:
 
 def points(setting: Setting) -> Measured:
     """Points alone beside the depth map with its camera."""
-    name, pairs = speed_pairs.depth_pairs(setting, 0.1, 0.96, setting.some(8, 2))
+    name, pairs = speed_pairs.pairs_within(setting, 0.1, 0.96, setting.some(8, 2))
     tasks = [
         (lambda pair=pair: bare(pair, setting), lambda pair=pair: ours(pair, setting))
         for pair in pairs
@@ -148,7 +148,7 @@ def lidar(setting: Setting) -> Measured:
 
 def threads(setting: Setting) -> Measured:
     """Two threads beside one."""
-    name, pairs = speed_pairs.depth_pairs(setting, 0.1, 0.96, setting.some(8, 2))
+    name, pairs = speed_pairs.pairs_within(setting, 0.1, 0.96, setting.some(8, 2))
     tasks = [
         (
             lambda pair=pair: ours(pair, setting, num_threads=2),
@@ -225,7 +225,7 @@ def millions(setting: Setting) -> Measured:
 def paper(setting: Setting) -> Measured:
     """Run the paper's preset beside Open3D, the same number of iterations."""
     speed_peers.need("open3d")
-    pair = speed_pairs.memory_pair(setting)
+    pair = speed_pairs.vga_pair()
     both = pair.source.observed_points, pair.target.observed_points
     tasks = (
         lambda: ours(pair, setting, preset="paper", criteria=Criteria(0.0, 0.0, ITERATIONS)),
