@@ -40,7 +40,7 @@ def options() -> argparse.Namespace:
     parser.add_argument("--threads", type=int, default=2, help="each may use; default 2")
     parser.add_argument("--data", type=Path, default=DATA)
     parser.add_argument("--json", type=Path, help="write all that was measured")
-    parser.add_argument("--beside", type=Path, help="rows from this JSON that are not run now")
+    parser.add_argument("--beside", type=Path, help="JSON with the rows that are not run now")
     parser.add_argument("--figure", type=Path, help="draw stages, size and recall (PNG)")
     return parser.parse_args()
 
@@ -90,7 +90,10 @@ def main() -> None:
     if unknown := set(wanted) - set(rows):
         sys.exit(f"no row is called {', '.join(sorted(unknown))}; known: {', '.join(rows)}")
     setting = Setting(asked.data, asked.threads, asked.quick)
-    measured = {}
+    measured: dict[str, dict] = {}
+    before = {}
+    if asked.beside:
+        before = json.loads(asked.beside.read_text(encoding="utf-8"))["rows"]
     about = f"{machine()}; {asked.threads} threads each"
     print(f"{about}\n\n{HEAD}", flush=True)
     for name in wanted:
@@ -107,17 +110,13 @@ def main() -> None:
             "unit": row.unit,
         } | asdict(found)
         print(line(name, measured[name]), flush=True)
-    if asked.beside:
-        before = json.loads(asked.beside.read_text(encoding="utf-8"))["rows"]
-        measured = {name: measured.get(name, before.get(name)) for name in rows}
-        measured = {name: row for name, row in measured.items() if row is not None}
-    if asked.json:
-        content = {"machine": about, "quick": asked.quick, "rows": measured}
-        asked.json.write_text(json.dumps(content, indent=1) + "\n", encoding="utf-8")
+        if asked.json:  # after each, so that what was measured is not lost
+            content = {"machine": about, "quick": asked.quick, "rows": before | measured}
+            asked.json.write_text(json.dumps(content, indent=1) + "\n", encoding="utf-8")
     if asked.figure:
         import speed_figure
 
-        speed_figure.draw(measured, asked.figure)
+        speed_figure.draw(before | measured, asked.figure)
 
 
 if __name__ == "__main__":

@@ -126,8 +126,8 @@ def cold(setting: Setting) -> Measured:
             took.append(register(setting, pair, "near", 1, cache)[0]["seconds"])
             # The rest is compiled by what the first did not ask for.
             nowhere.append(register(setting, pair, "nowhere", 1, cache)[0]["seconds"])
-        each = register(setting, pair, "each", 1, str(Path(folder) / "each"))[0]["compiled"]
-    kernels = dict(sorted(each.items(), key=lambda item: -item[1]))
+        each = json.loads(python(REGISTER, pair, "1", "each", cache=str(Path(folder) / "each")))
+    kernels = dict(sorted(each["compiled"].items(), key=lambda item: -item[1]))
     median = float(np.median(took))
     note = f"{name}; points from nowhere after it {np.median(nowhere):.1f} s"
     details = {"runs": took, "nowhere": nowhere, "kernels": kernels}

@@ -80,19 +80,25 @@ def by_size(axes: Any, rows: dict[str, Any]) -> None:
 
 def by_recall(axes: Any, rows: dict[str, Any]) -> None:
     """Recall against median time, near a start and from nowhere."""
+    peers = 0
     for name, marker in (("depth", "o"), ("fragments", "s")):
         if name not in rows:
             continue
         about = rows[name]["details"]
         for method, seconds in about["medians"].items():
             mine = method == "hmrf-icp"
-            found = about["recall"][method]
-            axes.plot(seconds, found, marker, ms=9, color="C3" if mine else "C0")
-            text = f"{method}\n{PROFILED[name]}"
-            axes.annotate(
-                text, (seconds, found), (0, -10), textcoords="offset points", va="top",
-                ha="center", fontsize=8,
-            )  # fmt: skip
+            peers += not mine
+            colour = "C3" if mine else f"C{(0, 9, 4)[(peers - 1) % 3]}"
+            axes.plot(
+                seconds,
+                about["recall"][method],
+                marker,
+                ms=9,
+                color=colour,
+                alpha=0.8,
+                label=f"{method}: {PROFILED[name]}",
+            )
+        axes.legend(fontsize=8, loc="lower left")
     axes.set(title="Recall against time", xlabel="s, median", ylabel="recall", ylim=(0, 1.05))
     axes.set_xscale("log")
     axes.margins(x=0.25)

@@ -131,7 +131,6 @@ def lidar(setting: Setting) -> Measured:
     """LiDAR scans beside GICP."""
     speed_peers.need("small_gicp")
     pairs = speed_pairs.lidar_pairs(setting)
-    kept: Poses = {}
 
     def group(pair: Timed) -> tuple[Task, ...]:
         both = pair.source.observed_points, pair.target.observed_points
@@ -143,7 +142,7 @@ def lidar(setting: Setting) -> Measured:
     times = in_turn([group(pair) for pair in pairs], setting.some(3, 1))
     profile = profile_of(lambda: ours(pairs[0], setting, profile=True), 3)
     each = [pair.name for pair in pairs]
-    return against(times, "start pi/30", pairs=each, recall=shares(kept), profile=profile)
+    return against(times, "start pi/30", pairs=each, profile=profile)
 
 
 def threads(setting: Setting) -> Measured:
