@@ -205,6 +205,11 @@ class PointCloud:
         points.flags.writeable = False
         return points
 
+    def some(self, count: int = SAMPLE) -> NDArray[np.float64]:
+        """Choose about ``count`` of the observed points evenly along the cloud, (K, 3)."""
+        rows = np.flatnonzero(self.observed)
+        return self.points.reshape(-1, 3)[rows[:: max(1, len(rows) // count)]]
+
     def on_grid(self, values: NDArray[Any], fill: float = np.nan) -> NDArray[Any]:
         """Lay one value an observed point, (M, ...), out in the cloud's shape."""
         laid = np.full(self.shape + values.shape[1:], fill, dtype=values.dtype)
@@ -262,7 +267,7 @@ class PointCloud:
 
     def __hash__(self) -> int:
         # A few points tell nearly all clouds apart; 0.0 takes the sign off -0.0, which equals it.
-        some = some_of(self.observed_points, 16) + 0.0
+        some = self.some(16) + 0.0
         return hash((self.shape, len(self), self.camera, some.tobytes()))
 
     def __reduce__(self) -> tuple[type[PointCloud], tuple[Any, ...]]:
@@ -335,38 +340,39 @@ def require_registrable(cloud: PointCloud, name: str) -> None:
         Fewer than ten observed points, or than ten places at which they are, all on one line,
         one so far away that it must stand for "nothing", or all within nothing.
     """
-    points = cloud.observed_points
-    if len(points) < MINIMUM_POINTS:
+    count = len(cloud)
+    if count < MINIMUM_POINTS:
         raise InputError(
-            f"{name}: {len(points)} observed points of {math.prod(cloud.shape)}, "
+            f"{name}: {count} observed points of {math.prod(cloud.shape)}, "
             f"expected at least {MINIMUM_POINTS}"
         )
-    size = float(max(points.max(), -points.min()))
+    # Of a few points first: they tell as much as all, which are gathered for a second look.
+    points, few = cloud.points, cloud.some()
+    size = float(max(np.fmax.reduce(points, axis=None), -np.fmin.reduce(points, axis=None)))
     if size > LARGEST_COORDINATE:
         raise InputError(
             f"{name}: a coordinate of {size:.3g}; mark points without a measurement with NaN"
         )
-    if _distinct(some_of(points, 1000)) < MINIMUM_POINTS:
-        places = _distinct(points)
+    if _distinct(some_of(few, 1000)) < MINIMUM_POINTS:
+        places = _distinct(cloud.observed_points)
         if places == 1:
-            raise InputError(f"{name}: all {len(points)} points are the same")
+            raise InputError(f"{name}: all {count} points are the same")
         if places < MINIMUM_POINTS:
             raise InputError(
-                f"{name}: {len(points)} points at {places} places, "
+                f"{name}: {count} points at {places} places, "
                 f"expected at least {MINIMUM_POINTS} places"
             )
-    if not np.ptp(some_of(points), axis=0).max() > SMALLEST_SIZE:
-        side = float(np.ptp(points, axis=0).max())
+    if not np.ptp(few, axis=0).max() > SMALLEST_SIZE:
+        side = float(np.ptp(cloud.observed_points, axis=0).max())
         if not side > SMALLEST_SIZE:
-            raise InputError(f"{name}: {len(points)} points within {side:.3g} m; expected metres")
-    # A few points off the line tell as much as all of them; only none calls for a second look.
-    if _dimensions(some_of(points), size) < 2:
-        dimensions = _dimensions(points, size)
+            raise InputError(f"{name}: {count} points within {side:.3g} m; expected metres")
+    if _dimensions(few, size) < 2:
+        dimensions = _dimensions(cloud.observed_points, size)
         if dimensions == 0:
-            raise InputError(f"{name}: all {len(points)} points are the same")
+            raise InputError(f"{name}: all {count} points are the same")
         if dimensions == 1:
             raise InputError(
-                f"{name}: all {len(points)} points lie on one line, about which any rotation fits"
+                f"{name}: all {count} points lie on one line, about which any rotation fits"
             )
 
 

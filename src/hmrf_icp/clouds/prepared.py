@@ -262,7 +262,7 @@ def prepare(
     elif viewpoint is not None and given.viewpoint is None:
         given = replace(given, viewpoint=np.array(viewpoint, dtype=np.float64))
     require_registrable(given, name)
-    some = some_of(given.observed_points)
+    some = given.some()
     centre = np.median(some, axis=0)
     size = float(np.median(np.linalg.norm(some - centre, axis=1)))
     if given.camera is not None or np.linalg.norm(centre) <= FAR * size:
