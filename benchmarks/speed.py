@@ -78,11 +78,12 @@ def main() -> None:
     limit(asked.threads)
     import speed_alone  # loads libraries that count the cores
     import speed_rows
+    import speed_size
     from depth_pairs import machine
     from speed_measure import Left, Setting
 
     warnings.simplefilter("ignore")
-    rows = speed_rows.ROWS | speed_alone.ROWS
+    rows = speed_rows.ROWS | speed_size.ROWS | speed_alone.ROWS
     if asked.list:
         print(*(f"{name:<10} {row.work}" for name, row in rows.items()), sep="\n")
         return

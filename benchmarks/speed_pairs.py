@@ -29,7 +29,7 @@ class Timed:
     source, target
         As the sensor gives them.
     truth, init
-        (4, 4) source to target, and where it is started from.
+        (4, 4) source to target, and where it is started from, if anywhere.
     overlap
         Share of the source that the target saw too.
     """
@@ -38,7 +38,7 @@ class Timed:
     source: PointCloud
     target: PointCloud
     truth: np.ndarray
-    init: np.ndarray
+    init: np.ndarray | None
     overlap: float = math.nan
 
     def right(self, pose: np.ndarray) -> bool:
@@ -51,10 +51,12 @@ def fresh(cloud: PointCloud) -> PointCloud:
     return PointCloud(cloud.points, cloud.camera, cloud.viewpoint)
 
 
-def started(source: PointCloud, truth: np.ndarray, axis: int = 0) -> np.ndarray:
-    """Turn a pose by pi/30 about a random axis through the source's centroid."""
+def started(
+    source: PointCloud, truth: np.ndarray, axis: int = 0, start: protocol.Start = START
+) -> np.ndarray:
+    """Turn a pose by pi/30 about a random axis through the source's centroid, or otherwise."""
     axes = protocol.Axes.random(axis + 1, seed=0)
-    return protocol.perturbed(truth, source.observed_points.mean(axis=0), axes, axis, START)
+    return protocol.perturbed(truth, source.observed_points.mean(axis=0), axes, axis, start)
 
 
 # --- depth maps ---------------------------------------------------------------------------------
