@@ -94,8 +94,10 @@ def anneal(
         for scale in scales:
             sharpness = 0.5 / scale**2
             for _ in range(steps):
-                h[:] = 0.0
-                g[:] = 0.0
+                for i in range(6):
+                    g[i] = 0.0
+                    for j in range(6):
+                        h[i, j] = 0.0
                 total = 0.0
                 for k in range(points.shape[0]):
                     px, py, pz = points[k, 0], points[k, 1], points[k, 2]
