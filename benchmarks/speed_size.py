@@ -1,4 +1,4 @@
-"""The rows of `speed.py` about size: millions of points, the paper's preset on all pixels, memory."""
+"""The rows of `speed.py` about size: millions of points, the paper's preset on every pixel."""
 
 from __future__ import annotations
 
