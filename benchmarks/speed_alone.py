@@ -81,9 +81,9 @@ def python(code: str, *given: str, cache: str | None = None) -> str:
     return done.stdout.splitlines()[-1]
 
 
-def written(folder: str) -> tuple[str, str]:
+def written(setting: Setting, folder: str) -> tuple[str, str]:
     """Write the pair to a file that NumPy alone reads; the name of the data too."""
-    pair = speed_pairs.vga_pair()
+    pair = speed_pairs.vga_pair(setting)
     camera, path = pair.source.camera, Path(folder) / "pair.npz"
     assert camera is not None
     np.savez(
@@ -110,7 +110,7 @@ def register(
 def memory(setting: Setting) -> Measured:
     """Tell the peak resident memory of a process that registers one pair and does nothing else."""
     with tempfile.TemporaryDirectory() as folder:
-        name, pair = written(folder)
+        name, pair = written(setting, folder)
         register(setting, pair, "memory", 1)  # what is compiled takes memory of its own
         peak = np.median([run["peak"] for run in register(setting, pair, "memory", 3)])
     return Measured(float(peak), count=3, note=f"{name}, interpreter and libraries included")
@@ -120,7 +120,7 @@ def cold(setting: Setting) -> Measured:
     """Register for the first time, in an empty cache."""
     took, nowhere = [], []
     with tempfile.TemporaryDirectory() as folder:
-        name, pair = written(folder)
+        name, pair = written(setting, folder)
         for number in range(setting.some(3, 1)):
             cache = str(Path(folder) / f"cache-{number}")
             took.append(register(setting, pair, "near", 1, cache)[0]["seconds"])
@@ -137,7 +137,7 @@ def cold(setting: Setting) -> Measured:
 def first(setting: Setting) -> Measured:
     """Register for the first time in a process; the cache is there."""
     with tempfile.TemporaryDirectory() as folder:
-        name, pair = written(folder)
+        name, pair = written(setting, folder)
         register(setting, pair, "near", 1)
         took = [run["seconds"] for run in register(setting, pair, "near", setting.some(7, 3))]
     median = float(np.median(took))

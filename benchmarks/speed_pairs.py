@@ -172,7 +172,7 @@ def fragment_pairs(setting: Setting) -> list[Timed]:
     ]
 
 
-def vga_pair() -> Timed:
+def vga_pair(setting: Setting) -> Timed:
     """Return the pair that the other benchmarks run on too."""
-    name, source, target, truth, init = depth_pairs.vga_pair()
+    name, source, target, truth, init = depth_pairs.vga_pair(setting.data / "kitchen-exact")
     return Timed(name, source, target, truth, init)

@@ -51,7 +51,7 @@ def millions(setting: Setting) -> Measured:
 def paper(setting: Setting) -> Measured:
     """Run the paper's preset beside Open3D, the same number of iterations."""
     speed_peers.need("open3d")
-    pair = speed_pairs.vga_pair()
+    pair = speed_pairs.vga_pair(setting)
     both = pair.source.observed_points, pair.target.observed_points
     tasks = (
         lambda: ours(pair, setting, preset="paper", criteria=Criteria(0.0, 0.0, ITERATIONS)),
