@@ -103,6 +103,28 @@ def test_json_is_one_strict_object_and_nothing_else(command, clouds):
     assert "transformation, source to target" in err, "what is for people stands on stderr"
 
 
+def test_a_profile_is_a_table_and_a_list_in_json(command, clouds):
+    _, out, _ = command("register", *clouds, "--profile")
+    head, *rows = out[out.index("  stage") :].splitlines()
+    assert head.split() == ["stage", "own", "time", "share", "calls"]
+    shares = [float(row.rpartition("%")[0].split()[-1]) for row in rows if "%" in row]
+    assert sum(shares) == pytest.approx(100.0, abs=0.1 * len(shares))
+
+    _, out, _ = command("register", *clouds, "--profile", "--json")
+    content = json.loads(out)["profile"]
+    result = hmrf_icp.register(*map(read_cloud, clouds), profile=True)
+    assert {stage["name"]: stage["calls"] for stage in content} == {
+        stage.name: stage.calls for stage in result.profile
+    }
+    assert all(stage["seconds"] >= 0 for stage in content)
+
+
+def test_without_asking_there_is_no_profile(command, clouds):
+    _, out, err = command("register", *clouds, "--json")
+    assert "profile" not in json.loads(out)
+    assert "own time" not in err
+
+
 def test_json_says_what_the_library_says(command, clouds):
     _, out, _ = command("register", *clouds, "--json", "--rejector", "x84")
     result = hmrf_icp.register(*map(read_cloud, clouds), rejector="x84")
