@@ -1,180 +1,94 @@
-"""How often local features bring the right pose, how early, and how fast.
+"""How often each kind of hypothesis from nowhere holds the right pose, how early, at what cost.
 
-    OMP_NUM_THREADS=1 python benchmarks/hypotheses.py --pairs 40
+    OMP_NUM_THREADS=1 python benchmarks/hypotheses.py ../shared/data --judges 3dlomatch
 
-Of each group of pairs: the share with a pose within reach (0.45 and 0.15 of the target's size;
-0.5 and 0.2 m where the benchmark measures in metres) among all hypotheses, and among the first
-few as the score orders them, as what both sensors saw does, and both together.
+The kinds are those of `search/everywhere.py`, in their order, every one asked whether or not an
+earlier one convinces; the pairs are those of `judges.py`. A pose counts as near where it lays the
+source within 0.15 of its size of where the truth does (root mean square), which is what the coarse
+level of the search brings to the truth. "Annealed": after that level. Each row: the share of pairs
+with a near pose among the first n, and CPU seconds of one thread, medians.
 """
 
 from __future__ import annotations
 
 import argparse
 import time
+from collections import defaultdict
+from pathlib import Path
 
 import numpy as np
 
-import hypothesis_pairs
-from hmrf_icp import se3
-from hmrf_icp.clouds.cloud import PointCloud
-from hmrf_icp.clouds.prepared import PreparedCloud
-from hmrf_icp.search import features
-from hmrf_icp.search import hypotheses as search
-from hmrf_icp.search.confidence import log_odds
-from hmrf_icp.search.visibility import VisibilityTest
+import judges
+from hmrf_icp import PointCloud, prepare, se3
+from hmrf_icp.search.candidates import Annealer
+from hmrf_icp.search.coarse_to_fine import COARSE
+from hmrf_icp.search.everywhere import everywhere
 
-FIRST = (1, 5, 10, 20, 50)
-
-
-def groups(count, seed):
-    scenes = ("kitchen", "lab", "hotel_uc")
-    for benchmark in ("3DMatch", "3DLoMatch"):
-        for scene in scenes:
-            yield (
-                f"{benchmark} {scene}",
-                hypothesis_pairs.three_d_match(scene, benchmark, count, seed),
-            )
-    yield "fragments-exact", hypothesis_pairs.fragments(count, seed)
-    yield "kitchen-exact", hypothesis_pairs.depth_pairs("kitchen-exact", count, 4, seed)
-    yield "tabletop-exact", hypothesis_pairs.depth_pairs("tabletop-exact", count, 4, seed)
-    yield "real", hypothesis_pairs.real_pairs()
+FIRST = (1, 5, 10, 20, 50, 200)
+NEAR = 0.15
+KINDS = ("planes", "features", "features, no side")
 
 
-def reach(pair):
-    """Errors below which a pose is near, and right, metres."""
-    return (0.5, 0.2) if pair.information is not None else (0.45 * pair.size, 0.15 * pair.size)
+def ranks(pair, points):
+    """Yield kind, rank of the first near pose as it comes and annealed, number, seconds of each."""
+    clouds = [pair.source(), pair.target()]
+    if points:
+        clouds = [PointCloud(cloud.observed_points) for cloud in clouds]
+    source, target = (prepare(cloud).viewed.downsampled(20_000) for cloud in clouds)
+    surfaces = source.surface, target.surface
+    anneal = Annealer(source, target, COARSE)
+    truth = pair.truth.copy()
+    truth[:3, 3] += truth[:3, :3] @ source.origin - target.origin
+    where = se3.transform(truth, surfaces[0].points)
+    limit = NEAR * surfaces[0].size
 
-
-def seen_from(cloud, pair, bare):
-    """Place a fragment of 3DMatch in front of its first camera, which stood at the origin."""
-    if bare:
-        return PointCloud(cloud.points.reshape(-1, 3))
-    known = np.zeros(3) if pair.information is not None else cloud.viewpoint
-    return PointCloud(cloud.points.reshape(-1, 3), None, known)
-
-
-def ours(pair, bare, count):
-    """Hypotheses with their seconds by stage, and their order by score, by view, by both."""
-    source, target = (seen_from(cloud, pair, bare) for cloud in (pair.source, pair.target))
-    mine, theirs = PreparedCloud(source).surface, PreparedCloud(target).surface
-    oriented = mine.oriented and theirs.oriented
-    watch = [time.process_time()]
-    levels = []
-    for places in search.PLACES:
-        edge = features.common_edge(mine.points, theirs.points, places)
-        described = [features.describe(s.points, s.normals, edge, oriented) for s in (mine, theirs)]
-        levels.append(search.Matched.of(*described))
-    watch.append(time.process_time())
-    found = search.among(levels, oriented, count)
-    watch.append(time.process_time())
-    seconds = np.diff(watch)
-    orders = {"score": np.arange(len(found.poses))}
-    if oriented:
-        judge = VisibilityTest(PreparedCloud(source), PreparedCloud(target), 1000)
-        seen = np.array([log_odds(judge(pose)) for pose in found.poses])
-        orders["view"] = np.argsort(-seen, kind="stable")
-        orders["both"] = np.argsort(-(seen + found.scores), kind="stable")
-    return found.poses, orders, seconds
-
-
-def ransac(pair, _bare, _count):
-    """Open3D's features and RANSAC at one voxel, a share of the size."""
-    import open3d as o3d
-
-    voxel = 0.05 * pair.size
-    sides, described = [], []
-    begun = time.process_time()
-    for cloud in (pair.source, pair.target):
-        side = o3d.geometry.PointCloud(o3d.utility.Vector3dVector(cloud.observed_points.copy()))
-        side = side.voxel_down_sample(voxel)
-        side.estimate_normals(o3d.geometry.KDTreeSearchParamHybrid(2 * voxel, 30))
-        side.orient_normals_towards_camera_location(np.zeros(3))
-        sides.append(side)
-        described.append(
-            o3d.pipelines.registration.compute_fpfh_feature(
-                side, o3d.geometry.KDTreeSearchParamHybrid(5 * voxel, 100)
-            )
-        )
-    o3d.utility.random.seed(0)
-    registration = o3d.pipelines.registration
-    result = registration.registration_ransac_based_on_feature_matching(
-        *sides,
-        *described,
-        True,
-        1.5 * voxel,
-        registration.TransformationEstimationPointToPoint(False),
-        3,
-        [
-            registration.CorrespondenceCheckerBasedOnEdgeLength(0.9),
-            registration.CorrespondenceCheckerBasedOnDistance(1.5 * voxel),
-        ],
-        registration.RANSACConvergenceCriteria(1_000_000, 0.999),
-    )
-    pose = np.asarray(result.transformation)[None]
-    return pose, {"only": np.arange(1)}, np.array([time.process_time() - begun])
-
-
-def kiss(pair, _bare, _count):
-    """KISS-Matcher at one voxel, a share of the size."""
-    import kiss_matcher
+    def first_near(poses):
+        for rank, pose in enumerate(poses):
+            apart = se3.transform(pose, surfaces[0].points) - where
+            if np.sqrt((apart**2).sum(axis=1).mean()) < limit:
+                return rank
+        return np.inf
 
     begun = time.process_time()
-    matcher = kiss_matcher.KISSMatcher(kiss_matcher.KISSMatcherConfig(0.05 * pair.size))
-    result = matcher.estimate(pair.source.observed_points, pair.target.observed_points)
-    pose = se3.rigid(np.asarray(result.rotation), np.asarray(result.translation))[None]
-    return pose, {"only": np.arange(1)}, np.array([time.process_time() - begun])
-
-
-METHODS = {"ours": ours, "ours, bare": ours, "RANSAC": ransac, "KISS-Matcher": kiss}
-
-
-def measure(name, pairs, count):
-    """One row for each order of one group's hypotheses."""
-    near, right, ranks, kept, seconds = [], [], {}, [], []
-    for pair in pairs:
-        poses, orders, taken = METHODS[name](pair, name.endswith("bare"), count)
-        kept.append(len(poses))
-        seconds.append(taken)
-        errors = pair.rmse(poses) if len(poses) else np.array([np.inf])
-        close, closer = reach(pair)
-        near.append(errors.min() < close)
-        right.append(errors.min() < closer)
-        for order, rows in orders.items():
-            good = np.flatnonzero(errors[rows] < close) if len(poses) else []
-            ranks.setdefault(order, []).append(good[0] if len(good) else 10**6)
-    rows = []
-    for order, places in ranks.items():
-        first = [float((np.array(places) < n).mean()) for n in FIRST]
-        rows.append((order, first))
-    middle = np.median(seconds, axis=0)
-    return np.mean(near), np.mean(right), np.mean(kept), middle, rows
+    for kind, poses in zip(KINDS, everywhere(source, target), strict=False):
+        found = time.process_time() - begun
+        if len(poses) == 0:
+            yield kind, np.inf, np.inf, 0, found, 0.0
+        else:
+            begun = time.process_time()
+            ends = anneal(poses, 1)
+            spent = time.process_time() - begun
+            yield kind, first_near(poses), first_near(ends), len(poses), found, spent
+        begun = time.process_time()
 
 
 def main():
+    words = lambda text: text.split(",")  # noqa: E731
     parser = argparse.ArgumentParser(description=__doc__)
-    parser.add_argument("--pairs", type=int, default=40, help="of each group")
-    parser.add_argument("--seed", type=int, default=0)
-    parser.add_argument("--count", type=int, default=200, help="hypotheses a pair")
-    parser.add_argument("--only", default="", help="groups whose name contains this")
-    parser.add_argument("--methods", default="ours;ours, bare;RANSAC;KISS-Matcher")
-    options = parser.parse_args()
-    head = " ".join(f"top{n:<3}" for n in FIRST)
-    print(f"{'group':22} {'method':13} {'kept':>5} near  right | {'by':6} {head} | seconds")
-    for group, pairs in groups(options.pairs, options.seed):
-        if options.only not in group:
-            continue
-        pairs = list(pairs)
-        for name in options.methods.split(";"):
-            METHODS[name](pairs[0], name.endswith("bare"), options.count)
-            near, right, kept, seconds, rows = measure(name, pairs, options.count)
-            for order, first in rows:
-                share = " ".join(f"{value:6.2f}" for value in first)
-                spent = " + ".join(f"{value:.2f}" for value in seconds)
-                print(
-                    f"{group:22} {name:13} {kept:5.0f} {near:.2f}  {right:.2f}  | {order:6} "
-                    f"{share} | {spent}",
-                    flush=True,
-                )
+    parser.add_argument("data", type=Path, help="folder with the judges' data")
+    parser.add_argument("--judges", type=words, default=list(judges.JUDGES))
+    parser.add_argument("--pairs", type=int, default=24, help="of a judge, 0 = all; default 24")
+    parser.add_argument("--seed", type=int, default=0, help="of the choice of pairs")
+    parser.add_argument("--points", action="store_true", help="as points alone, (N, 3)")
+    asked = parser.parse_args()
+    print("| pairs | kind | poses | order |", " | ".join(map(str, FIRST)), "| CPU s |")
+    print("|---|---|---:|---|" + "---:|" * (len(FIRST) + 1))
+    for judge in asked.judges:
+        rows = defaultdict(list)
+        pairs = judges.spread(list(judges.JUDGES[judge](asked.data)), asked.pairs, asked.seed)
+        for pair in pairs:
+            for kind, *values in ranks(pair, asked.points):
+                rows[kind].append(values)
+        for kind, values in rows.items():
+            come, annealed, count, found, spent = np.array(values, dtype=np.float64).T
+            for order, rank, seconds in (
+                ("as they come", come, found),
+                ("annealed", annealed, spent),
+            ):
+                shares = [f"{np.sum(rank < n) / len(pairs):.2f}" for n in FIRST]
+                name = f"{judge} ({len(pairs)})"
+                cells = [name, kind, f"{np.median(count):.0f}", order, *shares]
+                print(f"| {' | '.join(cells)} | {np.median(seconds):.2f} |", flush=True)
 
 
 if __name__ == "__main__":

@@ -38,7 +38,8 @@ def test_no_edge_keeps_one_of_those_that_coincide():
 
 @pytest.mark.parametrize("count", [900, 3000, 40_000])
 def test_about_as_many_stay_as_were_asked_for(count):
-    few, representative = downsample(PointCloud(box(count)), 800)
+    thinned = downsample(PointCloud(box(count)), 800)
+    few, representative = thinned.cloud, thinned.representative
     assert 0.85 * 800 <= len(few) <= 800
     assert representative.shape == (count,)
     np.testing.assert_array_equal(np.unique(representative), np.arange(len(few)))
@@ -46,7 +47,8 @@ def test_about_as_many_stay_as_were_asked_for(count):
 
 def test_a_point_is_stood_for_by_one_close_to_it():
     cloud = PointCloud(box(20_000))
-    few, representative = downsample(cloud, 1000)
+    thinned = downsample(cloud, 1000)
+    few, representative = thinned.cloud, thinned.representative
     away = np.linalg.norm(cloud.points - few.points[representative], axis=1)
     # 1.08 + 0.36 + 0.96 square metres of surface for a thousand cells, at most a diagonal across.
     assert away.max() < 3 * np.sqrt(2.16 / 1000) * np.sqrt(3)
@@ -61,7 +63,8 @@ def test_one_point_far_off_leaves_enough_of_the_others():
 
 def test_a_cloud_of_no_more_is_itself():
     cloud = PointCloud(box(800))
-    few, representative = downsample(cloud, 800)
+    thinned = downsample(cloud, 800)
+    few, representative = thinned.cloud, thinned.representative
     assert few is cloud
     np.testing.assert_array_equal(representative, np.arange(800))
 
@@ -70,7 +73,8 @@ def test_a_cloud_of_no_more_is_itself():
 def test_pixels_between_the_rows_that_stay_are_not_lost(row):
     points = np.full((64, 64, 3), np.nan)
     points[row::4] = np.random.default_rng(0).normal(size=(16, 64, 3))
-    few, representative = downsample(PointCloud(points), 100)
+    thinned = downsample(PointCloud(points), 100)
+    few, representative = thinned.cloud, thinned.representative
     assert len(few) >= 25
     assert representative.max() < len(few)
 

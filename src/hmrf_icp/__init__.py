@@ -3,6 +3,8 @@
 from hmrf_icp import presets
 from hmrf_icp.clouds.camera import PinholeCamera
 from hmrf_icp.clouds.cloud import PointCloud
+from hmrf_icp.clouds.distorted_camera import DistortedCamera
+from hmrf_icp.clouds.distortion import Distortion
 from hmrf_icp.clouds.prepared import PreparedCloud, prepare
 from hmrf_icp.errors import (
     HmrfIcpError,
@@ -14,6 +16,7 @@ from hmrf_icp.field.general import MarkovField
 from hmrf_icp.field.paper import HiddenMarkovRandomField
 from hmrf_icp.io import read_camera, read_cloud, read_depth, write_cloud
 from hmrf_icp.loop.align import PointToPoint
+from hmrf_icp.loop.colour import Coloured
 from hmrf_icp.loop.criteria import Criteria, RelativeCriteria
 from hmrf_icp.loop.degeneracy import FreeMotion
 from hmrf_icp.loop.icp import Iteration, Method
@@ -25,13 +28,17 @@ from hmrf_icp.result import RegistrationResult
 from hmrf_icp.search.coarse_to_fine import CoarseToFine
 from hmrf_icp.search.visibility import Visibility
 from hmrf_icp.search.visible_match import VisibleMatch
+from hmrf_icp.stages import Stage
 
 __version__ = "0.2.0"
 
 __all__ = [
     "X84",
     "CoarseToFine",
+    "Coloured",
     "Criteria",
+    "DistortedCamera",
+    "Distortion",
     "Dynamic",
     "FreeMotion",
     "HiddenMarkovRandomField",
@@ -54,6 +61,7 @@ __all__ = [
     "RegistrationResult",
     "RegistrationWarning",
     "RelativeCriteria",
+    "Stage",
     "Symmetric",
     "Visibility",
     "VisibleMatch",

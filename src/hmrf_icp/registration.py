@@ -6,6 +6,7 @@ import os
 import time
 import warnings
 from collections.abc import Callable
+from dataclasses import replace
 from typing import Literal, TypeAlias, get_args
 
 import numpy as np
@@ -26,6 +27,7 @@ from hmrf_icp.loop.reject import Labels, Rejector
 from hmrf_icp.presets import AlignerName, PresetName, Registrar, RejectorName
 from hmrf_icp.result import RegistrationResult
 from hmrf_icp.search.coarse_to_fine import SearchResult
+from hmrf_icp.stages import Stopwatch, stage, timed_by
 
 Registrable: TypeAlias = PreparedCloud | PointCloudLike | str | os.PathLike[str]
 """A cloud, anything that is taken for one, or the file that it is in."""
@@ -49,6 +51,7 @@ def register(
     viewpoint: ArrayLike | Literal["auto"] | None = "auto",
     search: Where = "auto",
     num_threads: int | None = None,
+    profile: bool = False,
     on_iteration: Callable[[Iteration], None] | None = None,
 ) -> RegistrationResult:
     """Find the rigid motion that takes ``source`` onto ``target``.
@@ -72,7 +75,8 @@ def register(
         or one of your own, in place of the method's.
     aligner
         Name of another metric (:func:`hmrf_icp.presets.aligner_names`), or an
-        aligner of your own, in place of the method's.
+        aligner of your own, in place of the method's. ``"colour"`` takes the colours or
+        intensities of both clouds as evidence beside the surfaces.
     criteria
         When to stop, in place of the method's.
     viewpoint
@@ -89,6 +93,8 @@ def register(
         Threads that look for neighbours, at most the cores that this process may use, which
         is also the default. The result is the same with any number, and none of them
         outlives the call.
+    profile
+        Whether time and calls of each stage are kept, in :attr:`RegistrationResult.profile`.
     on_iteration
         Called with an :class:`Iteration` after each, for progress. The default runs
         Algorithm 1 from several candidates: it is called for those of all of them, and
@@ -97,7 +103,8 @@ def register(
     Raises
     ------
     InputError
-        A cloud, the start or a name is not what it should be.
+        A cloud, the start or a name is not what it should be, or ``aligner="colour"`` meets
+        a cloud without colours.
 
     Warns
     -----
@@ -120,8 +127,9 @@ def register(
     >>> bool(np.allclose(result.transformation, shift, atol=1e-6))
     True
     """
-    with threads.using(num_threads), interruptible():
-        return _register(
+    watch = Stopwatch() if profile else None
+    with threads.using(num_threads), interruptible(), timed_by(watch):
+        result = _register(
             source,
             target,
             init,
@@ -131,6 +139,7 @@ def register(
             on_iteration,
             stacklevel=3,
         )
+    return result if watch is None else replace(result, profile=watch.stages)
 
 
 def _register(
@@ -146,9 +155,9 @@ def _register(
     from hmrf_icp.kernels.compilation import Compilation
 
     started = time.perf_counter()
-    moving, fixed = (
-        prepare(_read(cloud, name), name, viewpoint)
-        for cloud, name in ((source, "source"), (target, "target"))
+    moving, fixed = threads.current().map(
+        lambda given: prepare(_read(*given), given[1], viewpoint),
+        ((source, "source"), (target, "target")),
     )
     start = se3.as_rigid(init, "init")
     far = float(np.abs(start[:3, 3]).max())
@@ -166,8 +175,13 @@ def _register(
     warn_of_units(moving, fixed, stacklevel + 1)
     near = init is not None if search == "auto" else search == "near"
     begin = between_origins(start, moving, fixed)
+
+    def told(iteration: Iteration) -> None:
+        if on_iteration is not None:
+            on_iteration(_as_given(iteration, moving, fixed))
+
     with Compilation() as compilation:
-        found = method.run(moving, fixed, begin, near, on_iteration)
+        found = method.run(moving, fixed, begin, near, None if on_iteration is None else told)
     seconds = time.perf_counter() - started - compilation.seconds
     loop = found.loop if isinstance(found, SearchResult) else found
     if loop.stuck:
@@ -196,6 +210,7 @@ def _register(
     return result
 
 
+@stage("description")
 def described(
     found: LoopResult | SearchResult, source: PreparedCloud, target: PreparedCloud, seconds: float
 ) -> RegistrationResult:
@@ -209,7 +224,7 @@ def described(
     def decide(matches: Matches) -> Labels:
         return loop.labels if searched is None else searched.labels(source, target, matches)
 
-    middle = se3.transform(loop.transformation, source.points.mean(axis=0))
+    middle = se3.transform(loop.transformation, source.centroid)
     information = None if loop.last is None else loop.last.information
     return RegistrationResult(
         transformation=between_frames(loop.transformation, source, target),
@@ -217,7 +232,7 @@ def described(
         iterations=len(loop.history),
         em_iterations=loop.em_iterations,
         seconds=seconds,
-        history=loop.history,
+        history=tuple(_as_given(iteration, source, target) for iteration in loop.history),
         # About a point: the same in both frames.
         information=None if information is None else about_origin(information, -middle),
         centre=middle + target.origin,
@@ -246,6 +261,14 @@ def between_frames(
     moved: NDArray[np.float64] = transformation.copy()
     moved[:3, 3] += target.origin - transformation[:3, :3] @ source.origin
     return moved
+
+
+def _as_given(iteration: Iteration, source: PreparedCloud, target: PreparedCloud) -> Iteration:
+    """Express where an iteration led in the frames that the clouds were given in."""
+    pose = iteration.transformation
+    if pose is None:
+        return iteration
+    return replace(iteration, transformation=between_frames(pose, source, target))
 
 
 def _read(cloud: Registrable, name: str) -> PreparedCloud | PointCloudLike:

@@ -19,8 +19,10 @@ from concurrent.futures import ThreadPoolExecutor
 from contextlib import contextmanager
 from contextvars import ContextVar
 from functools import cache
+from itertools import pairwise
 from typing import Any, TypeVar
 
+from hmrf_icp import stages
 from hmrf_icp.errors import InputError
 
 T = TypeVar("T")
@@ -48,13 +50,34 @@ class Workers:
             return [function(piece) for piece in pieces]
         if self._pool is None:
             self._pool = ThreadPoolExecutor(self.count, "hmrf-icp")
-        return list(self._pool.map(function, pieces))
+        watch = stages.current()
+
+        def watched(piece: T) -> R:
+            with stages.timed_by(watch):
+                return function(piece)
+
+        return list(self._pool.map(watched, pieces))
 
     def end(self) -> None:
         """Wait for the threads to end."""
         if self._pool is not None and os.getpid() == self._process:
             self._pool.shutdown(cancel_futures=True)
         self._pool = None
+
+    def over(self, function: Callable[[Any], Any], rows: Any, least: int = 1) -> list[Any]:
+        """Apply a function to a few long pieces of ``rows``, of ``least`` rows or more each.
+
+        Parameters
+        ----------
+        function
+            Whose answer for a piece are the answers for its rows: where the cuts are makes no
+            difference to them.
+        rows
+            An array or a sequence.
+        """
+        count = max(1, min(2 * self.count, len(rows) // least)) if self.count > 1 else 1
+        ends = [len(rows) * k // count for k in range(count + 1)]
+        return self.map(function, [rows[a:b] for a, b in pairwise(ends)])
 
 
 _ONE = Workers(1)

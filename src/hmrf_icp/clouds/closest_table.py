@@ -8,6 +8,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from hmrf_icp.clouds.surface import Surface, evenly
+from hmrf_icp.stages import stage
 
 Array = NDArray[np.float64]
 
@@ -38,6 +39,7 @@ class ClosestTable:
     edge: float
 
     @classmethod
+    @stage("table of space")
     def of(cls, surface: Surface, count: int, cells: int, margin: int) -> ClosestTable:
         """Choose about ``count`` points evenly by area, and lay the table round them.
 

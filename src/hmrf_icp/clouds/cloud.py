@@ -12,8 +12,10 @@ import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
 from hmrf_icp.clouds.camera import PinholeCamera
-from hmrf_icp.clouds.conversion import as_camera, depth_map, parts_of
-from hmrf_icp.clouds.nothing import MIXED, nothing
+from hmrf_icp.clouds.conversion import as_camera, as_pinhole, depth_map, parts_of
+from hmrf_icp.clouds.depth import in_metres
+from hmrf_icp.clouds.distorted_camera import DistortedCamera
+from hmrf_icp.clouds.nothing import MIXED, at_place, nothing
 from hmrf_icp.clouds.per_point import Attributes, normals_for
 from hmrf_icp.errors import InputError
 
@@ -29,9 +31,6 @@ LARGEST_COORDINATE = 1e12
 SMALLEST_SIZE = 1e-30
 """A cloud that spreads over less, metres, is no measurement, and its squares have no digits left.
 """
-
-SATURATED = 65535
-"""The value that 16-bit depth recorders write for "too far", beside 0 for "nothing seen"."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -87,7 +86,7 @@ class PointCloud:
         if self.normals is None:
             object.__setattr__(self, "normals", normals)
         if self.camera is not None:
-            object.__setattr__(self, "camera", as_camera(self.camera, points.shape[:-1]))
+            object.__setattr__(self, "camera", as_pinhole(self.camera, points.shape[:-1]))
             self._check_camera(self.camera)
             object.__setattr__(self, "viewpoint", np.zeros(3))
         elif self.viewpoint is not None:
@@ -100,7 +99,7 @@ class PointCloud:
             object.__setattr__(self, "viewpoint", viewpoint)
         if self.viewpoint is not None:
             # No sensor sees where it stands: so recorders write beams that did not return.
-            points[each(points == self.viewpoint)] = np.nan
+            points[at_place(points, self.viewpoint)] = np.nan
             self.viewpoint.flags.writeable = False
         mask, notes = nothing(points, self.viewpoint, depth=self.camera is not None)
         if mask is not None:
@@ -140,7 +139,8 @@ class PointCloud:
             and, in 16-bit maps, 65535 are unobserved.
         camera
             Its intrinsics, for the same size: a :class:`PinholeCamera`, a matrix K (3, 3), or
-            Open3D's ``PinholeCameraIntrinsic``.
+            Open3D's ``PinholeCameraIntrinsic``. The map of a :class:`DistortedCamera` is
+            resampled into an ideal camera's, which may be of another size.
         depth_scale
             Units of the map per metre. None means 1000 for integers
             (millimetres, what sensors write) and 1 for floating point (metres).
@@ -155,31 +155,10 @@ class PointCloud:
         """
         raw = depth_map(depth)
         lens = as_camera(camera, raw.shape)
-        if raw.dtype.kind not in "iuf":
-            raise InputError(f"depth: expected integers or floating point, got {raw.dtype}")
-        if raw.dtype.itemsize == 1:
-            raise InputError(
-                f"depth: {raw.dtype} holds 256 values, too few for a depth map; "
-                "expected 16-bit integers or floating point (a colour image given by mistake?)"
-            )
-        if depth_scale is None:
-            depth_scale = 1.0 if raw.dtype.kind == "f" else 1000.0
-        if not math.isfinite(depth_scale) or depth_scale <= 0:
-            raise InputError(
-                f"depth_scale: expected a positive number of units per metre, got {depth_scale:g}"
-            )
-        if max_depth is not None and not max_depth > 0:
-            raise InputError(f"max_depth: expected a positive number of metres, got {max_depth:g}")
-        with np.errstate(invalid="ignore"):
-            metres = raw.astype(np.float64)
-        unobserved = ~(np.isfinite(metres) & (metres > 0))
-        if raw.dtype == np.uint16:
-            unobserved |= raw == SATURATED
-        metres /= depth_scale
-        if max_depth is not None:
-            unobserved |= metres > max_depth
-        metres[unobserved] = np.nan
-        return cls(lens.unproject(metres), lens)
+        metres, notes = in_metres(raw, depth_scale, max_depth)
+        if isinstance(lens, DistortedCamera):
+            metres, lens = lens.rectified(metres)
+        return cls(lens.unproject(metres), lens, notes=notes)
 
     @property
     def organised(self) -> bool:
@@ -205,6 +184,11 @@ class PointCloud:
         points.flags.writeable = False
         return points
 
+    def some(self, count: int = SAMPLE) -> NDArray[np.float64]:
+        """Choose about ``count`` of the observed points evenly along the cloud, (K, 3)."""
+        rows = np.flatnonzero(self.observed)
+        return self.points.reshape(-1, 3)[rows[:: max(1, len(rows) // count)]]
+
     def on_grid(self, values: NDArray[Any], fill: float = np.nan) -> NDArray[Any]:
         """Lay one value an observed point, (M, ...), out in the cloud's shape."""
         laid = np.full(self.shape + values.shape[1:], fill, dtype=values.dtype)
@@ -212,9 +196,12 @@ class PointCloud:
         return laid
 
     def derived(
-        self, points: NDArray[np.float64], viewpoint: NDArray[np.float64] | None
+        self,
+        points: NDArray[np.float64],
+        viewpoint: NDArray[np.float64] | None,
+        attributes: Mapping[str, NDArray[Any]] | None = None,
     ) -> PointCloud:
-        """Return a cloud of some or all of its points, moved or not, without what is beside them.
+        """Return a cloud of some or all of its points, moved or not, without its normals.
 
         What stands for nothing was left out before: every point that is given stays one, also
         at the viewpoint, which may be assumed.
@@ -224,7 +211,8 @@ class PointCloud:
             if array is not None:
                 array.flags.writeable = False
         values: dict[str, Any] = {"points": points, "viewpoint": viewpoint, "notes": self.notes}
-        values |= {"camera": None, "normals": None, "attributes": Attributes({}, points.shape[:-1])}
+        values |= {"camera": None, "normals": None}
+        values["attributes"] = Attributes.of(attributes or {}, points.shape[:-1])
         for name, value in values.items():
             object.__setattr__(cloud, name, value)
         return cloud
@@ -262,7 +250,7 @@ class PointCloud:
 
     def __hash__(self) -> int:
         # A few points tell nearly all clouds apart; 0.0 takes the sign off -0.0, which equals it.
-        some = some_of(self.observed_points, 16) + 0.0
+        some = self.some(16) + 0.0
         return hash((self.shape, len(self), self.camera, some.tobytes()))
 
     def __reduce__(self) -> tuple[type[PointCloud], tuple[Any, ...]]:
@@ -335,38 +323,39 @@ def require_registrable(cloud: PointCloud, name: str) -> None:
         Fewer than ten observed points, or than ten places at which they are, all on one line,
         one so far away that it must stand for "nothing", or all within nothing.
     """
-    points = cloud.observed_points
-    if len(points) < MINIMUM_POINTS:
+    count = len(cloud)
+    if count < MINIMUM_POINTS:
         raise InputError(
-            f"{name}: {len(points)} observed points of {math.prod(cloud.shape)}, "
+            f"{name}: {count} observed points of {math.prod(cloud.shape)}, "
             f"expected at least {MINIMUM_POINTS}"
         )
-    size = float(max(points.max(), -points.min()))
+    # Of a few points first: they tell as much as all, which are gathered for a second look.
+    points, few = cloud.points, cloud.some()
+    size = float(max(np.fmax.reduce(points, axis=None), -np.fmin.reduce(points, axis=None)))
     if size > LARGEST_COORDINATE:
         raise InputError(
             f"{name}: a coordinate of {size:.3g}; mark points without a measurement with NaN"
         )
-    if _distinct(some_of(points, 1000)) < MINIMUM_POINTS:
-        places = _distinct(points)
+    if _distinct(some_of(few, 1000)) < MINIMUM_POINTS:
+        places = _distinct(cloud.observed_points)
         if places == 1:
-            raise InputError(f"{name}: all {len(points)} points are the same")
+            raise InputError(f"{name}: all {count} points are the same")
         if places < MINIMUM_POINTS:
             raise InputError(
-                f"{name}: {len(points)} points at {places} places, "
+                f"{name}: {count} points at {places} places, "
                 f"expected at least {MINIMUM_POINTS} places"
             )
-    if not np.ptp(some_of(points), axis=0).max() > SMALLEST_SIZE:
-        side = float(np.ptp(points, axis=0).max())
+    if not np.ptp(few, axis=0).max() > SMALLEST_SIZE:
+        side = float(np.ptp(cloud.observed_points, axis=0).max())
         if not side > SMALLEST_SIZE:
-            raise InputError(f"{name}: {len(points)} points within {side:.3g} m; expected metres")
-    # A few points off the line tell as much as all of them; only none calls for a second look.
-    if _dimensions(some_of(points), size) < 2:
-        dimensions = _dimensions(points, size)
+            raise InputError(f"{name}: {count} points within {side:.3g} m; expected metres")
+    if _dimensions(few, size) < 2:
+        dimensions = _dimensions(cloud.observed_points, size)
         if dimensions == 0:
-            raise InputError(f"{name}: all {len(points)} points are the same")
+            raise InputError(f"{name}: all {count} points are the same")
         if dimensions == 1:
             raise InputError(
-                f"{name}: all {len(points)} points lie on one line, about which any rotation fits"
+                f"{name}: all {count} points lie on one line, about which any rotation fits"
             )
 
 

@@ -3,19 +3,22 @@
 from __future__ import annotations
 
 import math
-from typing import NamedTuple
+from collections.abc import Callable
+from functools import cached_property
 
 import numpy as np
 from numpy.typing import NDArray
 
 from hmrf_icp.clouds.cloud import PointCloud
+from hmrf_icp.clouds.per_point import Attributes
 from hmrf_icp.clouds.tree import Tree
+from hmrf_icp.stages import stage
 
 NEAR = 1.1
 """Times an edge that leaves too many, within which the smallest that does not is found."""
 
 PASSES = 12
-"""Edges that are tried for the cells of a grid, at the least."""
+"""Edges that are guessed for the cells of a grid before they are found by halves."""
 
 Array = NDArray[np.float64]
 
@@ -35,23 +38,30 @@ Points on every fourth row, or a few of them anywhere, can all fall between the 
 """
 
 
-class Downsampled(NamedTuple):
+class Downsampled:
     """Fewer points, and which of them stands for each of all.
 
     Attributes
     ----------
     cloud
         About as many points as were asked for.
-    representative
-        (M,) rows of its observed points, one for each observed point of the whole: the kept
-        point of the same cell, and of a grid the kept pixel of the same block, or
-        the nearest point where there is none.
     """
 
-    cloud: PointCloud
-    representative: NDArray[np.intp]
+    def __init__(self, cloud: PointCloud, stand_ins: Callable[[], NDArray[np.intp]]) -> None:
+        self.cloud = cloud
+        self._stand_ins = stand_ins
+
+    @cached_property
+    def representative(self) -> NDArray[np.intp]:
+        """(M,) rows of its observed points, one for each observed point of the whole.
+
+        The kept point of the same cell, and of a grid the kept pixel of the same block, or
+        the nearest point where there is none.
+        """
+        return self._stand_ins()
 
 
+@stage("thinning")
 def downsample(cloud: PointCloud, most: int) -> Downsampled:
     """Thin a cloud out to about ``most`` points; the same cloud where it has no more.
 
@@ -60,7 +70,7 @@ def downsample(cloud: PointCloud, most: int) -> Downsampled:
     dense is thinned first. The time it takes grows with the points.
     """
     if len(cloud) <= most:
-        return Downsampled(cloud, np.arange(len(cloud)))
+        return Downsampled(cloud, lambda: np.arange(len(cloud)))
     return _every_nth(cloud, most) if cloud.organised else _one_a_cell(cloud, most)
 
 
@@ -71,6 +81,11 @@ def _every_nth(cloud: PointCloud, most: int) -> Downsampled:
     ):
         step -= 1
     few = cloud.subsample(step)
+    return Downsampled(few, lambda: _of_blocks(cloud, few, step))
+
+
+def _of_blocks(cloud: PointCloud, few: PointCloud, step: int) -> NDArray[np.intp]:
+    """Rows of the pixels that stay, for each pixel observed: of its block, or the nearest."""
     place = np.full(few.shape, -1, dtype=np.intp)
     place[few.observed] = np.arange(len(few))
     height, width = cloud.shape
@@ -79,7 +94,7 @@ def _every_nth(cloud: PointCloud, most: int) -> Downsampled:
     lost = rows < 0
     if lost.any():
         _, rows[lost] = Tree(few.observed_points).query(cloud.observed_points[lost])
-    return Downsampled(few, rows)
+    return rows
 
 
 def _one_a_cell(cloud: PointCloud, most: int) -> Downsampled:
@@ -87,8 +102,10 @@ def _one_a_cell(cloud: PointCloud, most: int) -> Downsampled:
     owner = np.empty(len(points), np.int32)
     cells = Cells(points)
     rows = cells.first(_edge(cells, points, most), owner=owner)
-    few = cloud.derived(points[rows], cloud.viewpoint)
-    return Downsampled(few, owner.astype(np.intp))
+    held = cloud.attributes
+    beside = held.at(cloud.observed, rows) if isinstance(held, Attributes) and held else None
+    few = cloud.derived(points[rows], cloud.viewpoint, beside)
+    return Downsampled(few, lambda: owner.astype(np.intp))
 
 
 def thinned(points: Array, edge: float) -> NDArray[np.int64]:
@@ -144,28 +161,27 @@ class Cells:
 
 def _edge(cells: Cells, points: Array, most: int) -> float:
     """Edge of the cells that leave about ``most`` of the points and no more, metres."""
-    low, high = 0.0, cells.side
     if len(points) > 2 * SAMPLED * most:
         # Nearly every cell has one of the sample: what is wrong is a little too small.
         sample = np.ascontiguousarray(points[:: len(points) // (SAMPLED * most)])
         found = _edge(Cells(sample), sample, most)
-        for _ in range(PASSES):
-            count = len(cells.first(found, 2 * most))
-            if CLOSE * most <= count <= most:
-                return found
-            low, high = (found, high) if count > most else (low, found)
-            # Cells of a surface: as many as the square of the edge is small.
-            found *= math.sqrt(count / (0.5 * (1.0 + CLOSE) * most))
-            if not low < found < high:
-                found = 0.5 * (low + high)
-        return high
-    finest = FINEST * high
-    passes = 0
-    while passes < PASSES or (high > NEAR * low and high > finest):
+    else:
+        found = cells.side / math.sqrt(most)
+    low, high = 0.0, cells.side
+    for _ in range(PASSES):
+        count = len(cells.first(found, 2 * most))
+        if CLOSE * most <= count <= most:
+            return found
+        low, high = (found, high) if count > most else (low, found)
+        # Cells of a surface: as many as the square of the edge is small.
+        found *= math.sqrt(count / (0.5 * (1.0 + CLOSE) * most))
+        if not low < found < high:
+            found = 0.5 * (low + high) if low > 0.0 else 0.1 * high
+    finest = FINEST * cells.side
+    while high > NEAR * low and high > finest:
         middle = 0.5 * (low + high) if low > 0.0 else 0.1 * high
         if len(cells.first(middle, most)) > most:
             low = middle
         else:
             high = middle
-        passes += 1
     return high

@@ -54,7 +54,7 @@ def nothing(
     doubts: tuple[str, ...] = ()
     found: list[tuple[Mask, str]] = []
     for place in _places(points):
-        here = _at(points, place)
+        here = at_place(points, place)
         found.append((here, f"at exactly ({', '.join(f'{x:g}' for x in place)})"))
     left = points
     if found:
@@ -108,7 +108,7 @@ def _places(points: Array) -> list[Array]:
     """Places that too many points are at."""
     flat = points.reshape(-1, 3)
     found = []
-    zeros = int(np.count_nonzero(_at(flat, np.zeros(3))))
+    zeros = int(np.count_nonzero(at_place(flat, np.zeros(3))))
     some = flat[:: max(1, len(flat) // SAMPLE)]
     some = some[~np.isnan(some[:, 0])]
     if len(some) < FEWEST:
@@ -120,7 +120,7 @@ def _places(points: Array) -> list[Array]:
         found.append(np.zeros(3))
     for k in np.flatnonzero(times >= max(SHARE * len(some), TIMES_USUAL * usual)):
         place = some[first[k]]
-        if place.any() and np.count_nonzero(_at(flat, place)) >= FEWEST:
+        if place.any() and np.count_nonzero(at_place(flat, place)) >= FEWEST:
             found.append(place)
     return found
 
@@ -128,19 +128,26 @@ def _places(points: Array) -> list[Array]:
 MIXED = np.array([1.0, np.sqrt(2.0), np.sqrt(3.0)])
 
 
-def _at(points: Array, place: Array) -> Mask:
-    x, y, z = (points[..., axis] == place[axis] for axis in range(3))
-    return np.asarray(x & y & z)
+def at_place(points: Array, place: Array) -> Mask:
+    """Tell which points (..., 3) are exactly at a place (3,)."""
+    here = np.asarray(points[..., 0] == place[0])
+    for axis in (1, 2):
+        if here.any():
+            here &= points[..., axis] == place[axis]
+    return here
 
 
 def _shell(points: Array, viewpoint: Array) -> tuple[float, Mask | None]:
     """Find the range that stands for "too far": a sphere about the sensor, and nothing near it."""
-    reach = np.linalg.norm(points - viewpoint, axis=-1)
+    with np.errstate(over="ignore"):
+        reach = np.linalg.norm(points - viewpoint, axis=-1)
     observed = ~np.isnan(reach)
     count = int(np.count_nonzero(observed))
     if count < 2 * FEWEST:
         return 0.0, None
     far = float(reach[observed].max())
+    if far == np.inf:
+        return 0.0, None
     here = reach >= far * (1.0 - SHELL)
     many = int(np.count_nonzero(here))
     beside = int(np.count_nonzero(reach >= far * (1.0 - 1000.0 * SHELL))) - many

@@ -16,6 +16,7 @@ from numpy.typing import NDArray
 from hmrf_icp.clouds.cloud import PointCloud
 from hmrf_icp.clouds.surface import Surface
 from hmrf_icp.errors import InputError
+from hmrf_icp.stages import stage
 
 Array = NDArray[np.float64]
 
@@ -119,6 +120,7 @@ class RangeImage:
         return code
 
 
+@stage("range image")
 def range_image(cloud: PointCloud, surface: Surface) -> RangeImage:
     """Lay a cloud out as its sensor saw it.
 

@@ -11,6 +11,7 @@ from numpy.typing import NDArray
 from hmrf_icp.clouds.camera import PinholeCamera
 from hmrf_icp.clouds.cloud import PointCloud
 from hmrf_icp.clouds.surface import Surface
+from hmrf_icp.stages import stage
 
 Array = NDArray[np.float64]
 Kind = Literal["given", "recovered", "assumed", "none"]
@@ -68,6 +69,7 @@ def given_view(cloud: PointCloud) -> SensorView:
     return NOWHERE
 
 
+@stage("viewpoint")
 def find_view(cloud: PointCloud, surface: Surface, origin: Array) -> Seen:
     """Find where a cloud was seen from that says nothing of it.
 

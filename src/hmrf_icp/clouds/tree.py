@@ -7,6 +7,7 @@ from numpy.typing import NDArray
 
 from hmrf_icp import threads
 from hmrf_icp.errors import InputError
+from hmrf_icp.stages import stage
 
 Array = NDArray[np.float64]
 
@@ -28,6 +29,7 @@ class Tree:
         There is no point, or the array has another shape.
     """
 
+    @stage("search tree")
     def __init__(self, points: Array) -> None:
         from pykdtree.kdtree import KDTree
 
@@ -44,7 +46,10 @@ class Tree:
     def __len__(self) -> int:
         return self._count
 
-    def query(self, points: Array, k: int = 1, eps: float = 0.0) -> tuple[Array, NDArray[np.intp]]:
+    @stage("closest points")
+    def query(
+        self, points: Array, k: int = 1, eps: float = 0.0, within: float | None = None
+    ) -> tuple[Array, NDArray[np.intp]]:
         """Find the nearest points.
 
         Parameters
@@ -55,11 +60,14 @@ class Tree:
             How many, the nearest first; N at most.
         eps
             Share of its distance by which an answer may be farther than the nearest.
+        within
+            Distance beyond which nobody asks who is nearest, metres: the search ends sooner.
 
         Returns
         -------
         distance, row
-            (M,) each, or (M, k) where ``k`` is more than 1.
+            (M,) each, or (M, k) where ``k`` is more than 1. Where none is ``within``, the
+            distance is infinite, and the row that of the first point.
 
         Raises
         ------
@@ -76,7 +84,7 @@ class Tree:
 
         def ask(piece: Array) -> tuple[Array, NDArray[np.uint32]]:
             with threads.one_openmp_thread():
-                distance, row = self._tree.query(piece, k=k, eps=eps)
+                distance, row = self._tree.query(piece, k=k, eps=eps, distance_upper_bound=within)
             return distance, row
 
         answers = workers.map(ask, pieces)
@@ -84,6 +92,8 @@ class Tree:
             distance, row = answers[0]
         else:
             distance, row = (np.concatenate(parts) for parts in zip(*answers, strict=True))
+        if within is not None:
+            row[np.isinf(distance)] = 0
         # No row is a point's answer that is nowhere: the compiled loops would follow it.
         if row.size and int(row.max()) >= self._count:
             raise InputError("points: expected finite coordinates to look for")

@@ -303,6 +303,8 @@ def outcomes(
 ) -> Iterator[tuple[T, R | Lost]]:
     """Yield tasks with what the function made of them, in the order in which they are done.
 
+    Those done together come in the order of the tasks.
+
     Where workers die, their tasks are done again: alone, one after the other,
     if it is not known who was at fault; in pieces, if it is. A piece that kills the worker
     again is :class:`Lost`. A task that was split comes in its pieces.
@@ -352,7 +354,8 @@ def outcomes(
             # Before anything is yielded: whoever takes it may never come back.
             workers.stop(at_once=True)
         by_itself = len(running) == 1 or not workers.all_die_together
-        for future in done:
+        # Those done together in the order in which they were handed out, not that of a set.
+        for future in [each for each in running if each in done]:
             task, error = running.pop(future), _error(future)
             if error is None:
                 yield task, future.result()

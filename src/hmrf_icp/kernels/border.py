@@ -10,7 +10,7 @@ import numpy as np
 from hmrf_icp.kernels.compiled import njit
 
 
-@njit(nogil=True, error_model="numpy")
+@njit(error_model="numpy")
 def find_border(points: Any, normals: Any, neighbours: Any, gap: float, border: Any) -> None:
     """Write for each point (N, 3) whether its neighbours (N, K) leave a gap round it.
 

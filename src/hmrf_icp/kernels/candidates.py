@@ -17,7 +17,7 @@ LEAST_WEIGHT = 6.0
 """Weight of all matches together below which a start is given up: six unknowns."""
 
 
-@njit(nogil=True, error_model="numpy")
+@njit(error_model="numpy")
 def solve(h: Any, g: Any, x: Any) -> None:
     """Solve h x = g for a symmetric (6, 6) h, lower triangle given, by Cholesky in place."""
     trace = 0.0
@@ -44,7 +44,7 @@ def solve(h: Any, g: Any, x: Any) -> None:
         x[i] = s / h[i, i]
 
 
-@njit(nogil=True, error_model="numpy")
+@njit(error_model="numpy")
 def move(pose: Any, x: Any) -> None:
     """Move pose (4, 4) in place: turn by the rotation vector x[:3], then shift by x[3:]."""
     angle = math.sqrt(x[0] * x[0] + x[1] * x[1] + x[2] * x[2])
@@ -64,7 +64,7 @@ def move(pose: Any, x: Any) -> None:
     pose[2, 3] += x[5]
 
 
-@njit(nogil=True, error_model="numpy")
+@njit(error_model="numpy")
 def anneal(
     points: Any,
     normals: Any,
@@ -94,8 +94,10 @@ def anneal(
         for scale in scales:
             sharpness = 0.5 / scale**2
             for _ in range(steps):
-                h[:] = 0.0
-                g[:] = 0.0
+                for i in range(6):
+                    g[i] = 0.0
+                    for j in range(6):
+                        h[i, j] = 0.0
                 total = 0.0
                 for k in range(points.shape[0]):
                     px, py, pz = points[k, 0], points[k, 1], points[k, 2]

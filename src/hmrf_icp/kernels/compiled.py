@@ -22,8 +22,9 @@ def njit(**options: Any) -> Callable[[Function], Function]:
     folder nor the user's is writable (a read-only container without a home). Here
     such a place costs the compilation in every process, and nothing else.
     """
-    # Nothing calls a kernel from C: a wrapper less to compile for each.
-    options["no_cfunc_wrapper"] = True
+    # Nothing calls a kernel from C: a wrapper less to compile for each. And none touches what
+    # belongs to the interpreter: several threads may be in kernels at a time.
+    options |= {"no_cfunc_wrapper": True, "nogil": True}
 
     def decorate(function: Function) -> Function:
         try:

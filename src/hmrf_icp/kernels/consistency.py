@@ -16,7 +16,7 @@ Between bare planes everything fits everything, and the work would grow with the
 """
 
 
-@njit(nogil=True, error_model="numpy")
+@njit(error_model="numpy")
 def ones(word: Any) -> Any:
     """Count the bits of a word of 64 that are set; the compiler knows this as one instruction."""
     word = word - ((word >> np.uint64(1)) & np.uint64(0x5555555555555555))
@@ -27,7 +27,7 @@ def ones(word: Any) -> Any:
     return np.int64((word * np.uint64(0x0101010101010101)) >> np.uint64(56))
 
 
-@njit(nogil=True, error_model="numpy", fastmath=ANY_ORDER)
+@njit(error_model="numpy", fastmath=ANY_ORDER)
 def as_far(source: Any, target: Any, i: int, tolerance: float, apart: float, fits: Any) -> None:
     """Mark the matches before the i-th that are as far from it in both clouds.
 
@@ -47,7 +47,7 @@ def as_far(source: Any, target: Any, i: int, tolerance: float, apart: float, fit
         fits[j] = (left * left <= np.float32(4.0) * p * q) & (p >= least) & (q >= least)
 
 
-@njit(nogil=True, error_model="numpy", inline="always")
+@njit(error_model="numpy", inline="always")
 def line(points: Any, i: int, j: int) -> Any:
     """Give the unit vector from point i to point j of (N, 3)."""
     x, y, z = points[j, 0] - points[i, 0], points[j, 1] - points[i, 1], points[j, 2] - points[i, 2]
@@ -55,13 +55,13 @@ def line(points: Any, i: int, j: int) -> Any:
     return x * scale, y * scale, z * scale
 
 
-@njit(nogil=True, error_model="numpy", inline="always")
+@njit(error_model="numpy", inline="always")
 def along(normals: Any, i: int, x: float, y: float, z: float) -> float:
     """Cosine between normal i of (N, 3) and a unit vector."""
     return normals[i, 0] * x + normals[i, 1] * y + normals[i, 2] * z
 
 
-@njit(nogil=True, error_model="numpy")
+@njit(error_model="numpy")
 def compatible(
     source: Any,
     source_normals: Any,
@@ -108,7 +108,7 @@ def compatible(
     return bits
 
 
-@njit(nogil=True, error_model="numpy")
+@njit(error_model="numpy")
 def listed(bits: Any, found: Any) -> int:
     """List the numbers of the bits (W,) that are set; return how many."""
     count = 0
@@ -122,7 +122,7 @@ def listed(bits: Any, found: Any) -> int:
     return count
 
 
-@njit(nogil=True, error_model="numpy")
+@njit(error_model="numpy")
 def support(bits: Any) -> Any:
     """Second-order support (N,): for each match the triangles it is a corner of, twice.
 
@@ -141,7 +141,7 @@ def support(bits: Any) -> Any:
     return out
 
 
-@njit(nogil=True, error_model="numpy")
+@njit(error_model="numpy")
 def groups(bits: Any, seeds: Any, limit: int, often: int, most: int) -> Any:
     """Grow up to ``limit`` cliques from ``seeds``: members (S, most), -1 where there are no more.
 
@@ -182,7 +182,7 @@ def groups(bits: Any, seeds: Any, limit: int, often: int, most: int) -> Any:
     return out[:s]
 
 
-@njit(nogil=True, error_model="numpy")
+@njit(error_model="numpy")
 def motion(source: Any, target: Any, weight: Any, rows: Any, count: int, pose: Any) -> None:
     """Rigid motion (4, 4) that lays rows of the source on the target, by least squares."""
     total = 0.0
@@ -211,7 +211,7 @@ def motion(source: Any, target: Any, weight: Any, rows: Any, count: int, pose: A
     pose[:3, 3] = b - r @ a
 
 
-@njit(nogil=True, error_model="numpy")
+@njit(error_model="numpy")
 def inliers(
     pose: Any,
     source: Any,
@@ -252,7 +252,7 @@ def inliers(
     return count
 
 
-@njit(nogil=True, error_model="numpy")
+@njit(error_model="numpy")
 def motions(
     members: Any,
     source: Any,
@@ -287,7 +287,7 @@ def motions(
     return poses, worth
 
 
-@njit(nogil=True, error_model="numpy")
+@njit(error_model="numpy")
 def explained(
     poses: Any,
     source: Any,

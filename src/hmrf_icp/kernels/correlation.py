@@ -13,7 +13,7 @@ import numpy as np
 from hmrf_icp.kernels.compiled import ANY_ORDER, njit
 
 
-@njit(nogil=True, error_model="numpy", fastmath=ANY_ORDER)
+@njit(error_model="numpy", fastmath=ANY_ORDER)
 def lay(
     rotation: Any, points: Any, normals: Any, weight: Any, empty: Any, signed: bool, grid: Any
 ) -> None:
@@ -63,7 +63,7 @@ def lay(
         grid[7, math.floor(x + 0.5) % n, math.floor(y + 0.5) % n, math.floor(z + 0.5) % n] = 1.0
 
 
-@njit(nogil=True, error_model="numpy", inline="always")
+@njit(error_model="numpy", inline="always")
 def turned(rotation: Any, vectors: Any, k: int) -> Any:
     """Return the coordinates of vector number k, turned."""
     a, b, c = vectors[k, 0], vectors[k, 1], vectors[k, 2]
@@ -74,7 +74,7 @@ def turned(rotation: Any, vectors: Any, k: int) -> Any:
     )
 
 
-@njit(nogil=True, error_model="numpy")
+@njit(error_model="numpy")
 def carve(points: Any, viewpoint: Any, corner: Any, edge: float, short: float, seen: Any) -> None:
     """Mark in ``seen`` (A, B, C) the cells that the rays to the points (M, 3) pass through.
 
@@ -98,7 +98,7 @@ def carve(points: Any, viewpoint: Any, corner: Any, edge: float, short: float, s
                 seen[i, j, l] = True
 
 
-@njit(nogil=True, error_model="numpy", fastmath=ANY_ORDER)
+@njit(error_model="numpy", fastmath=ANY_ORDER)
 def multiply(moving: Any, fixed: Any, both: Any) -> None:
     """Write the spectra of agreement and of violation, (2, ...), from those of two grids.
 
@@ -113,7 +113,7 @@ def multiply(moving: Any, fixed: Any, both: Any) -> None:
         both[1, k] = np.conj(moving[0, k]) * fixed[7, k] + np.conj(moving[7, k]) * fixed[0, k]
 
 
-@njit(nogil=True, error_model="numpy")
+@njit(error_model="numpy")
 def peaks(
     agree: Any, violated: Any, floor: float, most: int, ratio: Any, cell: Any, value: Any
 ) -> int:
@@ -154,7 +154,7 @@ def peaks(
     return count
 
 
-@njit(nogil=True, error_model="numpy")
+@njit(error_model="numpy")
 def highest(ratio: Any, i: int, j: int, k: int) -> bool:
     """Tell whether no cell around is higher, nor one that comes first as high."""
     n = ratio.shape[0]
@@ -168,7 +168,7 @@ def highest(ratio: Any, i: int, j: int, k: int) -> bool:
     return True
 
 
-@njit(nogil=True, error_model="numpy")
+@njit(error_model="numpy")
 def vertex(before: float, here: float, after: float) -> float:
     """Where the parabola through three values is highest, within half a step of the middle."""
     bend = before + after - 2.0 * here

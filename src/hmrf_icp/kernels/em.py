@@ -29,7 +29,7 @@ def _pass(scalar: Any) -> Any:
     """Build the pass for one precision."""
     zero, half, one, two = scalar(0), scalar(0.5), scalar(1), scalar(2)
 
-    @njit(nogil=True, fastmath=ANY_ORDER, error_model="numpy")
+    @njit(fastmath=ANY_ORDER, error_model="numpy")
     def em_pass(y: Any, observed: Any, z: Any, older: Any, new: Any, theta: Any, sums: Any) -> None:
         # z, older and new carry a margin of one pixel that stays 0, so that
         # a border pixel has fewer neighbours without a test in the loop.

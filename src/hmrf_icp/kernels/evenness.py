@@ -13,7 +13,7 @@ GRAZING = 0.1
 """Least cosine between a ray and a normal: below it, the noise of the normal is what counts."""
 
 
-@njit(nogil=True, error_model="numpy")
+@njit(error_model="numpy")
 def unevenness(points: Any, normals: Any, log_area: Any, place: Any) -> Any:
     """Robust deviation of the logarithm of the solid angle that a point (N, 3) stands for.
 

@@ -7,7 +7,7 @@ from typing import Any
 from hmrf_icp.kernels.compiled import njit
 
 
-@njit(nogil=True, error_model="numpy")
+@njit(error_model="numpy")
 def keep_nearest(
     products: Any,
     first: int,
@@ -37,7 +37,7 @@ def keep_nearest(
                 insert(column_near[j], column_index[j], apart, i)
 
 
-@njit(nogil=True, error_model="numpy")
+@njit(error_model="numpy")
 def insert(near: Any, index: Any, apart: float, j: int) -> None:
     """Put one more into an ascending list that keeps its length."""
     k = len(near) - 1

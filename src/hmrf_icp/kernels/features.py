@@ -14,7 +14,7 @@ BINS = 11
 """Bins of each of the three angles."""
 
 
-@njit(nogil=True, error_model="numpy")
+@njit(error_model="numpy")
 def within(cells: Any, span: Any, points: Any, x: Any, reach: float, low: Any, found: Any) -> int:
     """List the points (M, 3) within ``reach`` of x (3,); return how many.
 
@@ -43,7 +43,7 @@ def within(cells: Any, span: Any, points: Any, x: Any, reach: float, low: Any, f
     return count
 
 
-@njit(nogil=True, error_model="numpy")
+@njit(error_model="numpy")
 def thin(points: Any, normals: Any, starts: Any, order: Any) -> Any:
     """Mean point and normal of each cell: ``order`` lists rows cell by cell from ``starts``.
 
@@ -69,7 +69,7 @@ def thin(points: Any, normals: Any, starts: Any, order: Any) -> Any:
     return where, facing
 
 
-@njit(nogil=True, error_model="numpy")
+@njit(error_model="numpy")
 def smooth_normals(points: Any, normals: Any, cells: Any, span: Any, reach: float, low: Any) -> Any:
     """Planes fitted to the points within ``reach``, with the sign that ``normals`` have."""
     out = np.zeros_like(points)
@@ -105,7 +105,7 @@ def smooth_normals(points: Any, normals: Any, cells: Any, span: Any, reach: floa
     return out
 
 
-@njit(nogil=True, error_model="numpy")
+@njit(error_model="numpy")
 def simple(points: Any, normals: Any, cells: Any, span: Any, reach: float, low: Any) -> Any:
     """Simplified histograms (M, 33): the angles between each point and those within ``reach``."""
     out = np.zeros((len(points), 3 * BINS), np.float32)
@@ -147,7 +147,7 @@ def simple(points: Any, normals: Any, cells: Any, span: Any, reach: float, low: 
     return out
 
 
-@njit(nogil=True, error_model="numpy", inline="always")
+@njit(error_model="numpy", inline="always")
 def vote(out: Any, begin: int, place: float, wraps: bool) -> None:
     """Share one vote between the two bins whose middles are next to ``place``."""
     place -= 0.5
@@ -162,7 +162,7 @@ def vote(out: Any, begin: int, place: float, wraps: bool) -> None:
     out[begin + high] += share
 
 
-@njit(nogil=True, error_model="numpy")
+@njit(error_model="numpy")
 def gather(simple: Any, points: Any, cells: Any, span: Any, reach: float, low: Any, at: Any) -> Any:
     """Histograms (K, 33) at the places ``at`` (K, 3): those about it, by one over the distance."""
     out = np.zeros((len(at), simple.shape[1]), np.float32)

@@ -16,7 +16,7 @@ WIDEST = 6
 """Cells that a disc covers to each side of its centre at most: one before the eye is cut off."""
 
 
-@njit(nogil=True, error_model="numpy")
+@njit(error_model="numpy")
 def count_hidden(
     points: Any, normals: Any, spacing: Any, place: Any, margin: float, depth: Any, drawn: Any
 ) -> Any:

@@ -13,7 +13,7 @@ STEEPEST = 0.2
 """Cosine of incidence below which a surface counts as no steeper."""
 
 
-@njit(nogil=True, error_model="numpy")
+@njit(error_model="numpy")
 def hidden_shares(points: Any, normals: Any, margin: float, places: Any, steps: Any) -> Any:
     """Share of the points (M, 3) that are hidden from each of the places (K, 3).
 

@@ -10,7 +10,7 @@ import numpy as np
 from hmrf_icp.kernels.compiled import njit
 
 
-@njit(nogil=True, error_model="numpy")
+@njit(error_model="numpy")
 def propagate(normals: Any, index: Any, order: Any) -> Any:
     """Flip normals (M, 3) in place so that neighbours agree; return the component (M,) of each.
 

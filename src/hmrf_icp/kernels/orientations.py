@@ -9,7 +9,7 @@ import numpy as np
 from hmrf_icp.kernels.compiled import ANY_ORDER, njit
 
 
-@njit(nogil=True, error_model="numpy", fastmath=ANY_ORDER)
+@njit(error_model="numpy", fastmath=ANY_ORDER)
 def alike(rotation: Any, directions: Any, weight: Any, table: Any) -> float:
     """Sum of what the table says of each direction (N, 3), turned by the rotation (3, 3).
 
@@ -37,7 +37,7 @@ def alike(rotation: Any, directions: Any, weight: Any, table: Any) -> float:
     return total
 
 
-@njit(nogil=True, error_model="numpy")
+@njit(error_model="numpy")
 def rate(rotations: Any, directions: Any, weight: Any, table: Any) -> Any:
     """Return the same for each of the rotations (K, 3, 3): (K,)."""
     score = np.empty(rotations.shape[0])
@@ -46,7 +46,7 @@ def rate(rotations: Any, directions: Any, weight: Any, table: Any) -> Any:
     return score
 
 
-@njit(nogil=True, error_model="numpy")
+@njit(error_model="numpy")
 def climb(rotations: Any, score: Any, turns: Any, directions: Any, weight: Any, table: Any) -> None:
     """Turn each rotation by every one of the turns (T, 3, 3) in order, and keep what is better."""
     for k in range(rotations.shape[0]):

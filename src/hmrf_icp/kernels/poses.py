@@ -11,7 +11,7 @@ from hmrf_icp.kernels.compiled import njit
 from hmrf_icp.kernels.table import look_up
 
 
-@njit(nogil=True, error_model="numpy")
+@njit(error_model="numpy")
 def agreement(
     points: Any,
     normals: Any,
@@ -56,7 +56,7 @@ def agreement(
     return out
 
 
-@njit(nogil=True, error_model="numpy")
+@njit(error_model="numpy")
 def distinct(places: Any, order: Any, apart: float, most: int) -> Any:
     """Rows of ``places`` (K, D) in ``order``, each farther than ``apart`` from those before."""
     kept = np.empty(most, np.int64)

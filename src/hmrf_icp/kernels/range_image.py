@@ -21,7 +21,7 @@ FACING = 0.8
 """Cosine between two normals above which they face the same way."""
 
 
-@njit(nogil=True, error_model="numpy")
+@njit(error_model="numpy")
 def project(projection: Any, x: float, y: float, z: float) -> Any:
     """Row, column (fractional pixels) and depth of a point in the view's frame; depth 0 if none."""
     x -= projection[5]
@@ -49,7 +49,7 @@ def project(projection: Any, x: float, y: float, z: float) -> Any:
     )
 
 
-@njit(nogil=True, error_model="numpy")
+@njit(error_model="numpy")
 def classify(
     points: Any,
     normals: Any,

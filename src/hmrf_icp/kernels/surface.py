@@ -31,7 +31,7 @@ GRAZING = 0.15
 """Smallest cosine of incidence by which a pixel's area is enlarged."""
 
 
-@njit(nogil=True, error_model="numpy")
+@njit(error_model="numpy")
 def eigenvalues_and_normal(a: Any, b: Any, c: Any, d: Any, e: Any, f: Any) -> Any:
     """Eigenvalues, rising, of [[a, b, c], [b, d, e], [c, e, f]], and the first one's unit vector.
 
@@ -71,7 +71,7 @@ NO_POINTS = (0.0,) * 9
 """Sums of an empty patch: three of first powers, six of products."""
 
 
-@njit(nogil=True, error_model="numpy")
+@njit(error_model="numpy")
 def _with(sums: Any, x: float, y: float, z: float) -> Any:
     """Add a neighbour to the sums of a patch, (x, y, z) from the point whose patch it is."""
     sx, sy, sz, xx, xy, xz, yy, yz, zz = sums
@@ -89,7 +89,7 @@ def _with(sums: Any, x: float, y: float, z: float) -> Any:
 
 
 # Inlined by Numba: left to LLVM, which does not do it, the window's fit takes 2 % longer.
-@njit(nogil=True, error_model="numpy", inline="always")
+@njit(error_model="numpy", inline="always")
 def _plane(sums: Any, n: int, vx: float, vy: float, vz: float) -> Any:
     """Fit a plane to a patch of n points; (vx, vy, vz) leads from the viewpoint to it.
 
@@ -122,7 +122,7 @@ def _plane(sums: Any, n: int, vx: float, vy: float, vz: float) -> Any:
     )
 
 
-@njit(nogil=True, error_model="numpy")
+@njit(error_model="numpy")
 def fit_window(points: Any, viewpoint: Any, angle: Any, stride: Any, radius: int) -> Any:
     """Fit planes in windows of an organised cloud (H, W, 3).
 
@@ -173,7 +173,7 @@ def fit_window(points: Any, viewpoint: Any, angle: Any, stride: Any, radius: int
     return normals, residual, area, narrow
 
 
-@njit(nogil=True, error_model="numpy")
+@njit(error_model="numpy")
 def fit_neighbours(
     points: Any, index: Any, distance: Any, of: Any, counts: Any, viewpoint: Any
 ) -> Any:

@@ -13,43 +13,61 @@ import numpy as np
 from hmrf_icp.kernels.compiled import njit
 
 
-@njit(nogil=True, error_model="numpy")
+@njit(error_model="numpy")
 def squared_distance(points: Any, k: int, x: float, y: float, z: float) -> float:
     """Square of the distance of point k to (x, y, z)."""
     return (points[k, 0] - x) ** 2 + (points[k, 1] - y) ** 2 + (points[k, 2] - z) ** 2
 
 
-@njit(nogil=True, error_model="numpy")
-def build(points: Any, corner: Any, edge: float, shape: Any) -> Any:
+def build(points: Any, corner: Any, edge: float, shape: tuple[int, ...]) -> Any:
     """Hand every cell the point of the closest cell that has one, then the best of its neighbours'.
 
     The closest cell is found exactly, one axis after the other: squared distances add up,
     so along each line it is the lowest of as many parabolas (Felzenszwalb and Huttenlocher,
     "Distance transforms of sampled functions", 2012). Work and memory grow with the cells.
     """
-    nx, ny, nz = shape
-    table = np.full((nx, ny, nz), -1, np.int32)
+    table = np.full(shape, -1, np.int32)
     fill(points, corner, edge, table)
     squared = np.where(table < 0, np.float32(np.inf), np.float32(0.0))
-    longest = max(nx, ny, nz)
-    lowest = np.empty(longest, np.int64)
-    begins = np.empty(longest)
-    line = np.empty(longest, np.int32)
-    height = np.empty(longest, np.float32)
-    for a in range(nx):
-        for b in range(ny):
-            spread(table[a, b], squared[a, b], lowest, begins, line, height)
-    for a in range(nx):
-        for c in range(nz):
-            spread(table[a, :, c], squared[a, :, c], lowest, begins, line, height)
-    for b in range(ny):
-        for c in range(nz):
-            spread(table[:, b, c], squared[:, b, c], lowest, begins, line, height)
+    longest = max(shape)
+    nx, ny, nz = shape
+    # Made here: what a kernel allocates itself takes long to compile.
+    scratch = (
+        np.empty(longest, np.int64),
+        np.empty(longest),
+        np.empty(longest, np.int32),
+        np.empty(longest, np.float32),
+    )
+    spread_all(table.reshape(-1), squared.reshape(-1), nx, ny, nz, *scratch)
     compare(points, corner, edge, table)
     return table
 
 
-@njit(nogil=True, error_model="numpy")
+@njit(error_model="numpy")
+def spread_all(
+    cells: Any,
+    squared: Any,
+    nx: int,
+    ny: int,
+    nz: int,
+    lowest: Any,
+    begins: Any,
+    line: Any,
+    height: Any,
+) -> None:
+    """Spread along all lines of a table of nx, ny, nz cells, one axis after the other."""
+    for a in range(nx):
+        for b in range(ny):
+            spread(cells, squared, (a * ny + b) * nz, 1, nz, lowest, begins, line, height)
+    for a in range(nx):
+        for c in range(nz):
+            spread(cells, squared, a * ny * nz + c, nz, ny, lowest, begins, line, height)
+    for b in range(ny):
+        for c in range(nz):
+            spread(cells, squared, b * nz + c, ny * nz, nx, lowest, begins, line, height)
+
+
+@njit(error_model="numpy")
 def fill(points: Any, corner: Any, edge: float, table: Any) -> None:
     """Put each point into its own cell; the one closest to the centre, where there are more."""
     nx, ny, nz = table.shape
@@ -69,39 +87,50 @@ def fill(points: Any, corner: Any, edge: float, table: Any) -> None:
             table[a, b, c] = k
 
 
-@njit(nogil=True, error_model="numpy")
-def spread(cells: Any, squared: Any, lowest: Any, begins: Any, line: Any, height: Any) -> None:
+@njit(error_model="numpy")
+def spread(
+    cells: Any,
+    squared: Any,
+    first: int,
+    step: int,
+    count: int,
+    lowest: Any,
+    begins: Any,
+    line: Any,
+    height: Any,
+) -> None:
     """Along one line of cells, hand every cell what the cell of the lowest parabola has.
 
-    ``squared`` holds the squared distance, in cells, of what a cell has. The last four are
-    scratch: the parabolas of the envelope, where each begins, and the line as it was.
+    The line is ``count`` cells from the ``first``, ``step`` apart. ``squared`` holds the squared
+    distance, in cells, of what a cell has. The last four are scratch: the parabolas of the
+    envelope, where each begins, and the line as it was.
     """
-    count = 0
-    for i in range(cells.shape[0]):
-        line[i], height[i] = cells[i], squared[i]
-        if cells[i] < 0:
+    parabolas = 0
+    for i in range(count):
+        line[i], height[i] = cells[first + i * step], squared[first + i * step]
+        if line[i] < 0:
             continue
         begin = -np.inf
-        while count > 0:
-            j = lowest[count - 1]
+        while parabolas > 0:
+            j = lowest[parabolas - 1]
             begin = (height[i] - height[j] + i * i - j * j) / (2.0 * (i - j))
-            if begin > begins[count - 1]:
+            if begin > begins[parabolas - 1]:
                 break
-            count -= 1
-        lowest[count] = i
-        begins[count] = begin if count > 0 else -np.inf
-        count += 1
-    if count == 0:
+            parabolas -= 1
+        lowest[parabolas] = i
+        begins[parabolas] = begin if parabolas > 0 else -np.inf
+        parabolas += 1
+    if parabolas == 0:
         return
     at = 0
-    for i in range(cells.shape[0]):
-        while at + 1 < count and begins[at + 1] < i:
+    for i in range(count):
+        while at + 1 < parabolas and begins[at + 1] < i:
             at += 1
         j = lowest[at]
-        cells[i], squared[i] = line[j], height[j] + (i - j) ** 2
+        cells[first + i * step], squared[first + i * step] = line[j], height[j] + (i - j) ** 2
 
 
-@njit(nogil=True, error_model="numpy")
+@njit(error_model="numpy")
 def compare(points: Any, corner: Any, edge: float, table: Any) -> None:
     """Let every cell take the point of one of its six neighbours where that is closer."""
     nx, ny, nz = table.shape
@@ -128,7 +157,7 @@ def compare(points: Any, corner: Any, edge: float, table: Any) -> None:
                 table[a, b, c] = k
 
 
-@njit(nogil=True, error_model="numpy")
+@njit(error_model="numpy")
 def look_up(points: Any, table: Any, corner: Any, edge: float, x: float, y: float, z: float) -> int:
     """Return the index of a close point, the closest of four cells' about (x, y, z); -1 outside."""
     nx, ny, nz = table.shape

@@ -11,12 +11,13 @@ from numpy.typing import NDArray
 from hmrf_icp import se3
 from hmrf_icp.clouds.prepared import PreparedCloud
 from hmrf_icp.errors import InputError
-from hmrf_icp.frozen import FrozenDict
+from hmrf_icp.frozen import FrozenDict, same
 from hmrf_icp.loop.align import Align, Aligner, Step
 from hmrf_icp.loop.criteria import Criteria, StoppingRule, at_most
 from hmrf_icp.loop.match import Match, Matcher, Matches, checked
 from hmrf_icp.loop.placed import Placed
 from hmrf_icp.loop.reject import Labels, Reject, Rejector
+from hmrf_icp.stages import stage
 
 Array = NDArray[np.float64]
 
@@ -56,7 +57,7 @@ class Method:
         )
 
 
-@dataclass(frozen=True)
+@dataclass(frozen=True, eq=False)
 class Iteration:
     """What one ICP iteration did.
 
@@ -74,6 +75,8 @@ class Iteration:
         Root mean square distance of the inliers before its motion, metres.
     parameters
         What the rejection learnt: means and deviations or a threshold, metres.
+    transformation
+        (4, 4) source to target, after its motion; None where nobody told.
     """
 
     iteration: int
@@ -83,11 +86,18 @@ class Iteration:
     step_rotation: float
     inlier_rmse: float
     parameters: Mapping[str, float]
+    transformation: Array | None = None
 
     def __post_init__(self) -> None:
         """Take any mapping of parameters, and keep one that pickles."""
         if not isinstance(self.parameters, FrozenDict):
             object.__setattr__(self, "parameters", FrozenDict(self.parameters))
+
+    def __eq__(self, other: object) -> bool:
+        return same(self, other) if isinstance(other, Iteration) else NotImplemented
+
+    def __hash__(self) -> int:
+        return hash((self.iteration, self.step_translation, self.step_rotation))
 
 
 @dataclass(frozen=True, eq=False)
@@ -128,8 +138,8 @@ class Loop:
         self._points = source.points
         self._onto = len(target.points)
         self._matcher: Match = method.match.prepare(source, target)
-        self._reject: Reject = method.reject.prepare(source, target)
-        self._align: Align = method.align.prepare(source, target)
+        self._reject: Reject = stage("reject")(method.reject.prepare(source, target))
+        self._align: Align = stage("align")(method.align.prepare(source, target))
         self._criteria = method.criteria.on(target)
 
     def __call__(
@@ -180,6 +190,7 @@ class Loop:
                     step_rotation=se3.rotation_angle(step.motion),
                     inlier_rmse=rms(matches.distance[labels.inlier]),
                     parameters=labels.parameters,
+                    transformation=source.transformation,
                 )
             )
             em_before = 0
@@ -198,6 +209,7 @@ class Loop:
             stuck,
         )
 
+    @stage("judged pose")
     def at(self, pose: Array) -> LoopResult:
         """Tell what the parts make of a pose (4, 4) without moving from it."""
         source = Placed.at(pose, self._points)
@@ -207,6 +219,7 @@ class Loop:
         last = None if step is None else replace(step, motion=np.eye(4))
         return LoopResult(pose, matches, labels, False, labels.em_iterations, last, ())
 
+    @stage("match")
     def _match(self, source: Placed) -> Matches:
         return checked(self._matcher(source), len(self._points), self._onto)
 

@@ -13,6 +13,7 @@ from __future__ import annotations
 
 from collections.abc import Callable
 from dataclasses import replace
+from typing import NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
@@ -24,6 +25,7 @@ from hmrf_icp.loop.match import Matches
 from hmrf_icp.loop.placed import Placed
 from hmrf_icp.loop.reject import Labels
 from hmrf_icp.loop.surface_metrics import LEAST_NOISE, SurfaceMetric
+from hmrf_icp.stages import stage
 
 Array = NDArray[np.float64]
 
@@ -48,6 +50,7 @@ MEDIAN = 0.6745
 """Median of the absolute value of a standard normal variable."""
 
 
+@stage("last steps")
 def polish(
     loop: LoopResult,
     source: PreparedCloud,
@@ -73,8 +76,9 @@ def polish(
     align, most = metric.prepare(source, target), len(loop.last.degenerate)
     placed = Placed.at(loop.transformation, source.points)
     chance, history, last = loop.labels.probability, list(loop.history), loop.last
+    near = Near.of(placed, target, chance)
     for _ in range(STEPS):
-        matches, share = agreeing(placed, source, target, chance)
+        matches, share = agreeing(placed, source, target, chance, near)
         weighed = Labels(2.0 * chance * share - 1.0)
         step = align(placed, matches, weighed)
         # Where less is left, more may seem free: then the loop knew better.
@@ -91,6 +95,7 @@ def polish(
                 step_rotation=se3.rotation_angle(step.motion),
                 inlier_rmse=rms(matches.distance[weighed.inlier]),
                 parameters=loop.labels.parameters,
+                transformation=placed.transformation,
             )
         )
         if on_iteration is not None:
@@ -98,8 +103,26 @@ def polish(
     return replace(loop, transformation=placed.transformation, last=last, history=tuple(history))
 
 
+class Near(NamedTuple):
+    """The source points that are asked about, and the rows of the target points near them.
+
+    They are looked for once: the steps are far shorter than the target's spacing.
+    """
+
+    some: NDArray[np.intp]
+    rows: NDArray[np.intp]
+
+    @classmethod
+    def of(cls, placed: Placed, target: PreparedCloud, chance: Array) -> Near:
+        """Look for the nearest of the points that are not certain to be outliers."""
+        some = np.flatnonzero(chance > HARDLY)
+        points = np.ascontiguousarray(placed.points[some])
+        _, rows = target.tree.query(points, k=min(NEAR, len(target)))
+        return cls(some, rows.reshape(len(some), -1))
+
+
 def agreeing(
-    placed: Placed, source: PreparedCloud, target: PreparedCloud, chance: Array
+    placed: Placed, source: PreparedCloud, target: PreparedCloud, chance: Array, near: Near
 ) -> tuple[Matches, Array]:
     """Match every source point with the target point across, and tell how far they agree.
 
@@ -110,12 +133,10 @@ def agreeing(
     from hmrf_icp.kernels.polish import across
 
     surface, onto = source.surface, target.surface
-    some = np.flatnonzero(chance > HARDLY)
+    some = near.some
     row, share = np.zeros(len(chance), dtype=np.intp), np.zeros(len(chance))
-    points = np.ascontiguousarray(placed.points[some])
-    _, near = target.tree.query(points, k=min(NEAR, len(target)))
     row[some], off = across(
-        points,
+        np.ascontiguousarray(placed.points[some]),
         surface.normals[some],
         surface.noise[some],
         surface.tilt[some],
@@ -123,7 +144,7 @@ def agreeing(
         onto.normals,
         onto.noise,
         onto.tilt,
-        near.reshape(len(some), -1).astype(np.intp),
+        near.rows,
         placed.transformation[:3, :3],
         surface.oriented and onto.oriented,
         (LEAST_NOISE * surface.size) ** 2,

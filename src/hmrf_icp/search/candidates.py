@@ -8,11 +8,16 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
-from hmrf_icp import se3
+from hmrf_icp import se3, threads
 from hmrf_icp.clouds.prepared import PreparedCloud
 from hmrf_icp.clouds.surface import evenly
+from hmrf_icp.stages import stage
 
 Array = NDArray[np.float64]
+
+
+STARTS_A_THREAD = 4
+"""Starts that are worth a thread's while."""
 
 
 @dataclass(frozen=True)
@@ -58,26 +63,31 @@ class Annealer:
         """Return where one start (4, 4) ends from each of the scales down, all of them first."""
         return np.concatenate([self(pose[None], first) for first in range(len(self._scales))])
 
+    @stage("candidates")
     def __call__(self, poses: Array, first: int = 0) -> Array:
         """Return where the starts (K, 4, 4) end, from the scale number ``first`` down."""
         from hmrf_icp.kernels.candidates import anneal
 
         ends = np.array(poses, dtype=np.float64)
         onto = self._onto
-        anneal(
-            self._points,
-            self._normals,
-            onto.points,
-            onto.normals,
-            self._signed,
-            onto.table,
-            onto.corner,
-            onto.edge,
-            self._scales[first:],
-            self._steps,
-            0.02,
-            ends,
-        )
+
+        def settle(some: Array) -> None:
+            anneal(
+                self._points,
+                self._normals,
+                onto.points,
+                onto.normals,
+                self._signed,
+                onto.table,
+                onto.corner,
+                onto.edge,
+                self._scales[first:],
+                self._steps,
+                0.02,
+                some,
+            )
+
+        threads.current().over(settle, ends, STARTS_A_THREAD)
         # Where a step led nowhere (matches that determine nothing), the start is what there is.
         lost = ~np.isfinite(ends).all(axis=(1, 2))
         ends[lost] = poses[lost]

@@ -1,8 +1,8 @@
 """The default: many candidates on few points, the likeliest refined by the field, and judged.
 
-Algorithm 1 converges to a local optimum. Here it comes last. The start and turns of it come
-first; where what comes out does not convince, shifts of these follow if the pose is near the
-start, and hypotheses from everywhere if nothing is known.
+Algorithm 1 converges to a local optimum. Here it comes last. The start comes first; where
+what it leads to does not convince, turns of it follow, then shifts of these if the pose is near
+the start, and hypotheses from everywhere if nothing is known.
 """
 
 from __future__ import annotations
@@ -14,6 +14,7 @@ from dataclasses import dataclass, replace
 import numpy as np
 from numpy.typing import NDArray
 
+from hmrf_icp import threads
 from hmrf_icp.clouds.prepared import PreparedCloud
 from hmrf_icp.loop.align import Aligner
 from hmrf_icp.loop.criteria import StoppingRule
@@ -22,7 +23,7 @@ from hmrf_icp.loop.match import Matches
 from hmrf_icp.loop.placed import Placed
 from hmrf_icp.loop.reject import Labels, Rejector
 from hmrf_icp.search.candidates import Level
-from hmrf_icp.search.search import Search, Starts
+from hmrf_icp.search.search import Search
 from hmrf_icp.search.visibility import Visibility
 from hmrf_icp.search.visible_match import VisibleMatch
 
@@ -31,11 +32,16 @@ Array = NDArray[np.float64]
 COARSE = Level(600, 2500, 40, 8, (0.15, 0.08, 0.04, 0.02), 4)
 CLOSE = Level(1500, 6000, 56, 3, (0.15, 0.08, 0.04, 0.03, 0.02, 0.015), 8)
 
-CONVINCED, CONVINCED_UNSEEN = 0.5, 0.9
-"""Confidence from which no further starts are tried: with free space, and without it.
+CONVINCED_AT_ONCE = 0.9
+"""Confidence of what the start itself leads to from which it is not even turned."""
+
+CONVINCED, CONVINCED_NEAR_UNSEEN, CONVINCED_UNSEEN = 0.5, 0.9, 0.75
+"""Confidence from which no further starts are tried: with free space, and without it, near a start
+and everywhere.
 
 Free space leaves a pose that is more likely right than not few rivals; without it something
-similar a step away, such as an object half its size off, can be as likely.
+similar a step away, such as an object half its size off, can be as likely. Hypotheses from
+everywhere have it among them, turns of a start do not.
 """
 
 
@@ -87,15 +93,26 @@ class CoarseToFine:
         on_iteration: Callable[[Iteration], None] | None = None,
     ) -> SearchResult:
         """Register; see :func:`hmrf_icp.register`."""
-        source, target = self.viewed(source), self.viewed(target)
+        source, target = threads.current().map(self._ready, (source, target))
         search = Search(self, source, target, init, near, on_iteration)
-        end = search.among(Starts(search.turns, 0, self.finalists, False))
-        for more in search.farther():
-            if end.confidence >= (CONVINCED if end.visibility.views else CONVINCED_UNSEEN):
-                break
-            end = search.among(more)
-        end = search.polished(search.no_worse(end))
+        end = search.from_start()
+        enough = CONVINCED_NEAR_UNSEEN if near else CONVINCED_UNSEEN
+        enough = CONVINCED if end.visibility.views else enough
+        if end.confidence < CONVINCED_AT_ONCE:
+            for more in search.farther():
+                if search.among(more).confidence >= enough:
+                    break
+        end = search.polished(search.no_worse(search.end()))
         return SearchResult(end.loop, end.visibility, end.confidence, self)
+
+    def _ready(self, cloud: PreparedCloud) -> PreparedCloud:
+        """Work out what any search needs of a cloud, whatever the other is."""
+        viewed = self.viewed(cloud)
+        few = viewed.downsampled(self.points)
+        if few.range_image is None:
+            few.border  # noqa: B018
+        few.tree  # noqa: B018
+        return viewed
 
     def viewed(self, cloud: PreparedCloud) -> PreparedCloud:
         """Return a cloud from a place to look from, where places are assumed."""

@@ -8,11 +8,14 @@ agrees with a plane wherever it slides, so each point counts by how rare its nor
 
 from __future__ import annotations
 
+import copy
 import math
 from dataclasses import dataclass
 
 import numpy as np
 from numpy.typing import NDArray
+
+from hmrf_icp import threads
 
 Array = NDArray[np.float64]
 
@@ -113,6 +116,21 @@ class Correlator:
     def cell(self) -> float:
         """Edge of a cell, metres."""
         return self._edge
+
+    def peaks_of_each(self, rotations: Array, most: int) -> list[tuple[Array, Array]]:
+        """Find the peaks of every one of the rotations (K, 3, 3); see :meth:`peaks`."""
+
+        def some(piece: Array) -> list[tuple[Array, Array]]:
+            own = self._with_grids_of_its_own()
+            return [own.peaks(rotation, most) for rotation in piece]
+
+        return [each for piece in threads.current().over(some, rotations, 8) for each in piece]
+
+    def _with_grids_of_its_own(self) -> Correlator:
+        other = copy.copy(self)
+        for name in ("_grid", "_both", "_ratio"):
+            setattr(other, name, np.empty_like(getattr(self, name)))
+        return other
 
     def peaks(self, rotation: Array, most: int) -> tuple[Array, Array]:
         """Find where the source agrees best with the target under one rotation (3, 3).

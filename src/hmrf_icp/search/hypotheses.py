@@ -8,10 +8,12 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
+from hmrf_icp import threads
 from hmrf_icp.search.consistent_groups import Oriented, explained, motions
 from hmrf_icp.search.feature_matches import match
 from hmrf_icp.search.features import Features, common_edge, describe
 from hmrf_icp.search.surface_agreement import Agreement
+from hmrf_icp.stages import stage
 
 Array = NDArray[np.float64]
 
@@ -59,6 +61,7 @@ class Matched:
         return cls(source, target, ends)
 
 
+@stage("features")
 def hypotheses(
     source_points: Array,
     source_normals: Array,
@@ -78,18 +81,23 @@ def hypotheses(
     oriented
         Whether the normals' signs mean something: towards the sensor.
     """
-    levels = []
-    edges = [common_edge(source_points, target_points, places) for places in PLACES]
-    for edge in sorted(set(edges)):
-        source = describe(source_points, source_normals, edge, oriented)
-        target = describe(target_points, target_normals, edge, oriented)
-        levels.append(Matched.of(source, target))
+    workers = threads.current()
+    found = workers.map(lambda places: common_edge(source_points, target_points, places), PLACES)
+    edges = sorted(set(found))
+    sides = (source_points, source_normals), (target_points, target_normals)
+    described = workers.map(
+        lambda one: describe(*one[0], one[1], oriented),
+        [(side, edge) for edge in edges for side in sides],
+    )
+    levels = workers.map(
+        lambda both: Matched.of(*both), list(zip(described[::2], described[1::2], strict=True))
+    )
     return among(levels, oriented, count)
 
 
 def among(levels: Sequence[Matched], oriented: bool, count: int) -> Hypotheses:
     """Find poses between two clouds that were matched on one or more levels."""
-    found = [_distinct_motions(level, count) for level in levels]
+    found = threads.current().map(lambda level: _distinct_motions(level, count), levels)
     poses = np.concatenate(found)
     if len(poses) == 0:
         return Hypotheses(poses, np.empty(0))

@@ -17,7 +17,7 @@ from functools import lru_cache
 import numpy as np
 from numpy.typing import NDArray
 
-from hmrf_icp import se3
+from hmrf_icp import se3, threads
 
 Array = NDArray[np.float64]
 
@@ -118,7 +118,8 @@ def likely_rotations(source: Orientations, target: Orientations, most: int) -> t
 
     lookup = source.directions, source.weight, target.table
     cover = covering(COVERING)
-    score = rate(cover, *lookup)
+    workers = threads.current()
+    score = np.concatenate(workers.over(lambda some: rate(some, *lookup), cover, 100))
     best = np.argsort(-score, kind="stable")[:CLIMBERS]
     rotations, score = cover[best], score[best]
     turns = [
@@ -128,7 +129,13 @@ def likely_rotations(source: Orientations, target: Orientations, most: int) -> t
         for axis in np.eye(3)
         for sign in (1.0, -1.0)
     ]
-    climb(rotations, score, np.array(turns), *lookup)
+    turned = np.array(turns)
+
+    def climbed(some: range) -> None:
+        rows = slice(some.start, some.stop)
+        climb(rotations[rows], score[rows], turned, *lookup)
+
+    workers.over(climbed, range(len(rotations)), 10)
     kept = _apart(rotations, score, most)
     return rotations[kept], score[kept]
 

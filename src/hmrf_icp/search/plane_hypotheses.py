@@ -14,6 +14,7 @@ from numpy.typing import NDArray
 
 from hmrf_icp.search.correlation import Correlator, Sampled
 from hmrf_icp.search.orientations import Orientations, likely_rotations
+from hmrf_icp.stages import stage
 
 Array = NDArray[np.float64]
 
@@ -73,6 +74,7 @@ def evenly(area: Array, count: int) -> NDArray[np.intp]:
     return np.flatnonzero(np.diff(passed, prepend=0.0) > 0)
 
 
+@stage("planes")
 def plane_hypotheses(
     source: Sampled, target: Sampled, most: int, rotations: int = ROTATIONS, fine: int = FINE
 ) -> tuple[Array, Array]:
@@ -100,13 +102,15 @@ def plane_hypotheses(
     )
     if len(turns) > fine:
         coarse, sure = Correlator(source, target, COARSE_CELLS), fine // 2
-        promise = [max(coarse.peaks(turn, 1)[1], default=-np.inf) for turn in turns[sure:]]
+        peaks = coarse.peaks_of_each(turns[sure:], 1)
+        promise = [max(score, default=-np.inf) for _, score in peaks]
         others = np.argsort(-np.array(promise), kind="stable")[: fine - sure]
         turns = np.concatenate([turns[:sure], turns[sure + np.sort(others)]])
     correlator = Correlator(source, target, CELLS)
     poses, scores = [], []
-    for rotation in turns:
-        shifts, score = correlator.peaks(rotation, SHIFTS)
+    for rotation, (shifts, score) in zip(
+        turns, correlator.peaks_of_each(turns, SHIFTS), strict=True
+    ):
         pose = np.zeros((len(shifts), 4, 4))
         pose[:, :3, :3], pose[:, :3, 3], pose[:, 3, 3] = rotation, shifts, 1.0
         poses.append(pose)

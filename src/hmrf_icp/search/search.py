@@ -9,15 +9,16 @@ align with everything that is known.
 from __future__ import annotations
 
 import math
-from collections.abc import Callable, Iterator, Sequence
+from collections.abc import Callable, Iterable, Iterator, Sequence
 from dataclasses import replace
+from functools import cached_property
 from itertools import islice
 from typing import NamedTuple, Protocol
 
 import numpy as np
 from numpy.typing import NDArray
 
-from hmrf_icp import se3
+from hmrf_icp import se3, threads
 from hmrf_icp.clouds.prepared import PreparedCloud
 from hmrf_icp.clouds.surface import Surface
 from hmrf_icp.loop.degeneracy import NOISE_ALONE
@@ -32,8 +33,19 @@ from hmrf_icp.search.visibility import Visibility, VisibilityTest
 
 Array = NDArray[np.float64]
 
-TESTED_EARLY, TESTED_LATE = 1000, 4000
-"""Points of each cloud that are held against the other's view: of many poses, and of the last."""
+TESTED_FIRST, TESTED_EARLY, TESTED_LATE = 250, 1000, 4000
+"""Points of each cloud that are held against the other's view: of all poses, of those that may
+become candidates, and of the last.
+"""
+
+HOPELESS = 0.01
+"""Confidence of the best end so far below which nobody refines it before others were tried."""
+
+FROM_START = 3
+"""Candidates that are taken of where the start leads from its scales."""
+
+HELD_LONGER = 4
+"""Poses that are held against more points, for each candidate that is taken of them."""
 
 FEWER = 4
 """The finalists are compared on this many times fewer source points than the winner has."""
@@ -111,66 +123,106 @@ class Search:
         few = self._source.downsampled(plan.points // FEWER)
         self._rough = Loop(few, self._target, plan.method)
         self._fine = Loop(self._source, self._target, plan.method)
-        self._test_early = VisibilityTest(self._source, self._target, TESTED_EARLY)
-        self._test_late = VisibilityTest(self._source, self._target, TESTED_LATE)
-        self._coarse, self._close = (
-            Annealer(self._source, self._target, level) for level in (plan.coarse, plan.close)
+        self._test_first, self._test_early, self._test_late = (
+            VisibilityTest(self._source, self._target, count)
+            for count in (TESTED_FIRST, TESTED_EARLY, TESTED_LATE)
         )
+        self._close = Annealer(self._source, self._target, plan.close)
         self._on_iteration = on_iteration
 
         size = self._target.surface.size
         middle = se3.transform(init, centre(self._source.surface))
         fall = FALL if near else FALL_ANYWHERE
         self._prior = StartPrior(init, middle, size, fall)
-        self.turns = turned(init, middle, plan.turn, plan.turn_step)
-        self.shifts = shifted(self.turns, plan.shift * size)
+        self._turns = turned(init, middle, plan.turn, plan.turn_step)
 
         self._candidates: list[Candidate] = []
         self._ends: list[Judged] = []
         self._best: Judged | None = None
 
+    @cached_property
+    def _coarse(self) -> Annealer:
+        """Prepared when the first start is turned: most searches end before."""
+        return Annealer(self._source, self._target, self._plan.coarse)
+
     def farther(self) -> Iterator[Starts]:
         """More starts, one kind after the other, for as long as somebody asks for them."""
-        shifts = Starts(self.shifts, 0, self._plan.finalists, False)
+        most = self._plan.finalists
+        # Turns of nothing in particular are worth trying where trying is cheap.
+        if self._near or self._test_late.views:
+            yield Starts(self._turns, 0, most, False)
         if self._near:
-            yield shifts
+            yield Starts(shifted(self._turns, self._plan.shift * self._prior.size), 0, most, False)
             return
         for poses in everywhere(self._source, self._target):
             if len(poses):
-                yield Starts(poses, 1, 2 * self._plan.finalists, True)
-        yield shifts
+                yield Starts(poses, 1, 2 * most, True)
+
+    def from_start(self) -> Judged:
+        """Return the likeliest end of the start as it is, and of where it leads."""
+        start = self._prior.start
+        # The start has a place beside them, whatever the annealing makes of it.
+        candidates = [Candidate(start, self._log_posterior(start, self._test_early))]
+        poses = self._close.from_each_scale(start)
+        log_posterior = self._log_posteriors(poses, len(poses), 0)
+        rows = self._new(poses, log_posterior, FROM_START, [])
+        return self._gone_on(
+            [*candidates, *(Candidate(poses[row], log_posterior[row]) for row in rows)]
+        )
 
     def among(self, starts: Starts) -> Judged:
-        """Return the likeliest end of all starts so far, these and the given one."""
-        candidates = self._new_candidates(starts)
-        self._candidates += candidates
-        self._ends += self._tried(candidates)
-        return self._refined()
-
-    def _new_candidates(self, starts: Starts) -> list[Candidate]:
-        """Poses that starts lead to, but to none that was tried; at first the given start too."""
-        prior, poses = self._prior, self._coarse(starts.poses, starts.scale)
-        first = not self._candidates
-        if first:
-            poses = np.concatenate([self._close.from_each_scale(prior.start), poses])
-        log_posterior = np.array([self._log_posterior(pose) for pose in poses])
-        there = [candidate.pose for candidate in self._candidates]
-        found: list[Candidate] = []
+        """Return the likeliest end of all starts so far and these."""
+        poses = self._coarse(starts.poses, starts.scale)
         # Hypotheses come with an order of their own, which sees what the test does not.
         by_order = starts.most // 3 if starts.ordered else 0
-        for score, most in (
-            (log_posterior, starts.most - by_order),
-            (-np.arange(len(poses), dtype=np.float64), by_order),
-        ):
-            others = there + [candidate.pose for candidate in found]
-            rows = distinct(poses, score, others, SAME_ANGLE, SAME_SHIFT * prior.size)
-            found += [Candidate(poses[i], log_posterior[i]) for i in islice(rows, most)]
-        # The start as it is has a place beside them, whatever a coarse level makes of it.
-        start = Candidate(prior.start, self._log_posterior(prior.start))
-        return [start, *found] if first else found
+        log_posterior = self._log_posteriors(poses, HELD_LONGER * starts.most, by_order)
+        rows = self._new(poses, log_posterior, starts.most - by_order, [])
+        rows += self._new(poses, -np.arange(len(poses), dtype=np.float64), by_order, poses[rows])
+        return self._gone_on([Candidate(poses[row], log_posterior[row]) for row in rows])
 
-    def _log_posterior(self, pose: Array) -> float:
-        return log_odds(self._test_early(pose)) + self._prior(pose)
+    def _new(self, poses: Array, score: Array, most: int, beside: Iterable[Array]) -> list[int]:
+        """Rows of the poses of the highest score (K,), but for those tried or ``beside``."""
+        there = [*(candidate.pose for candidate in self._candidates), *beside]
+        rows = distinct(poses, score, there, SAME_ANGLE, SAME_SHIFT * self._prior.size)
+        return list(islice(rows, most))
+
+    def _gone_on(self, candidates: Sequence[Candidate]) -> Judged:
+        self._candidates += candidates
+        self._ends += self._tried(candidates)
+        likely = max((end.confidence for end in self._ends), default=1.0)
+        if self._best is None and likely < HOPELESS:
+            return likeliest(self._ends)
+        return self._refined()
+
+    def end(self) -> Judged:
+        """Return the likeliest end of all starts."""
+        return self._refined()
+
+    def _log_posteriors(self, poses: Array, most: int, first: int) -> Array:
+        """Log posterior odds (K,) of poses (K, 4, 4) on some points, the likeliest on more.
+
+        Those are the ``most`` likeliest on few points, and the first ``first`` of them all.
+        """
+
+        def asked(rows: NDArray[np.intp], test: VisibilityTest) -> Array:
+            def some(piece: NDArray[np.intp]) -> list[float]:
+                return [self._log_posterior(poses[row], test) for row in piece]
+
+            return np.array([x for piece in threads.current().over(some, rows, 8) for x in piece])
+
+        every = np.arange(len(poses))
+        if len(poses) <= most:
+            return asked(every, self._test_early)
+        log_posterior = asked(every, self._test_first)
+        order = np.argsort(-log_posterior, kind="stable")
+        rows = np.union1d(order[:most], every[:first])
+        # What was not asked for longer is below all that was.
+        log_posterior -= np.ptp(log_posterior) + 1e6
+        log_posterior[rows] = asked(rows, self._test_early)
+        return log_posterior
+
+    def _log_posterior(self, pose: Array, test: VisibilityTest) -> float:
+        return log_odds(test(pose)) + self._prior(pose)
 
     def _tried(self, candidates: Sequence[Candidate]) -> list[Judged]:
         """Run Algorithm 1 from the candidates on few points.

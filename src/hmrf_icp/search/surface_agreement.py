@@ -5,7 +5,8 @@ from __future__ import annotations
 import numpy as np
 from numpy.typing import NDArray
 
-from hmrf_icp import se3
+from hmrf_icp import se3, threads
+from hmrf_icp.search.candidates import STARTS_A_THREAD
 from hmrf_icp.search.features import Features
 
 Array = NDArray[np.float64]
@@ -32,23 +33,27 @@ class Agreement:
     def __init__(self, source: Features, target: Features, oriented: bool) -> None:
         self._edge = source.edge
         self._oriented = oriented
-        self._source, self._target = (Onto(side) for side in (source, target))
+        self._source, self._target = threads.current().map(Onto, (source, target))
 
     def settled(self, poses: Array) -> Array:
         """Return poses (K, 4, 4) after a few steps of registration on few points."""
         from hmrf_icp.kernels.candidates import anneal
 
         ends = np.array(poses)
-        anneal(
-            *self._source.few,
-            *self._target.all,
-            self._oriented,
-            *self._target.table,
-            self._edge * np.array(SCALES),
-            STEPS,
-            0.02,
-            ends,
-        )
+
+        def settle(some: Array) -> None:
+            anneal(
+                *self._source.few,
+                *self._target.all,
+                self._oriented,
+                *self._target.table,
+                self._edge * np.array(SCALES),
+                STEPS,
+                0.02,
+                some,
+            )
+
+        threads.current().over(settle, ends, STARTS_A_THREAD)
         lost = ~np.isfinite(ends).all(axis=(1, 2))
         ends[lost] = poses[lost]
         return ends

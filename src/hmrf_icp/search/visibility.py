@@ -13,6 +13,7 @@ from hmrf_icp import se3
 from hmrf_icp.clouds.prepared import PreparedCloud
 from hmrf_icp.clouds.range_image import BAND
 from hmrf_icp.clouds.surface import Surface, evenly
+from hmrf_icp.stages import stage
 
 AGREE, FRONT = 0, 1
 """As in :mod:`hmrf_icp.kernels.range_image`."""
@@ -116,10 +117,11 @@ class NearSurface:
         self._tree = cloud.tree
         self._band = band * surface.noise + np.sqrt(surface.area)
         self._border = cloud.border
+        self._reach = OFF * float(self._band.max())
 
     def ask(self, points: Array, normals: Array, pose: Array) -> NDArray[np.uint8]:
         """Ask who is on the surface, facing its way, and who is off it where it goes on."""
-        distance, row = self._tree.query(se3.transform(pose, points))
+        distance, row = self._tree.query(se3.transform(pose, points), within=self._reach)
         return self.tell(distance, row, normals @ pose[:3, :3].T)
 
     def tell(self, distance: Array, row: NDArray[np.integer], normals: Array) -> NDArray[np.uint8]:
@@ -153,13 +155,11 @@ class VisibilityTest:
     def __init__(self, source: PreparedCloud, target: PreparedCloud, count: int) -> None:
         self._of_source = Sample.of(source.surface, count)
         self._of_target = Sample.of(target.surface, count)
-        by_source, by_target = source.range_image, target.range_image
-        self.views = by_source is not None and by_target is not None
+        self._by_source, self._by_target, self.views = knowing(source, target)
         self._size = target.surface.size
         self._from_origins = source.image_from_origin, target.image_from_origin
-        self._by_source: Asked = by_source if by_source and by_target else NearSurface(source)
-        self._by_target: Asked = by_target if by_source and by_target else NearSurface(target)
 
+    @stage("visibility")
     def __call__(self, pose: Array) -> Visibility:
         """Ask about one pose (4, 4), source to target."""
         mine, theirs = self._of_source, self._of_target
@@ -200,6 +200,14 @@ class VisibilityTest:
         few = FEW * len(seen)
         agree, front = np.count_nonzero(seen == AGREE), np.count_nonzero(seen == FRONT)
         return math.log((agree + few) / (front + few))
+
+
+def knowing(source: PreparedCloud, target: PreparedCloud) -> tuple[Asked, Asked, bool]:
+    """Say who can be asked of each cloud, and whether both are what a sensor saw."""
+    by_source, by_target = source.range_image, target.range_image
+    if by_source is not None and by_target is not None:
+        return by_source, by_target, True
+    return NearSurface(source), NearSurface(target), False
 
 
 def least_spread(vectors: Array) -> float:
