@@ -22,6 +22,7 @@ import numpy as np
 import hmrf_icp
 from hmrf_icp import PinholeCamera, PointCloud, RegistrationWarning, datasets, prepare, se3
 from hmrf_icp.evaluate import protocol
+from hmrf_icp.figures.style import inked, own_figure
 from hmrf_icp.io.whole import written_whole
 
 TARGETS = {"kitchen-exact": (60, 190, 310), "tabletop-exact": (0, 12, 27)}
@@ -30,7 +31,12 @@ AXES = protocol.Axes.random(1, seed=0)
 SOLVED = 0.05
 LEAST = 0.02
 FIGURE = Path(__file__).parents[1] / "docs" / "figures" / "overlap.png"
-COLOURS = {"kitchen-exact": "#1f4fa3", "tabletop-exact": "#d8503f", "real": "#5b8c3a"}
+LOOKS = {
+    "kitchen-exact": ("o", "#56b4e9"),
+    "tabletop-exact": ("s", "#8a6d00"),
+    "real": ("^", "#4b0092"),
+}
+"""Marker and colour: kinds of pairs, so none of the colours that mean something in the figures."""
 
 
 def true_overlap(source: PointCloud, target: PointCloud, truth: np.ndarray) -> tuple[float, float]:
@@ -107,7 +113,7 @@ def table(rows: list[dict[str, object]]) -> str:
         "| pairs | solved | within 0.05 of area | mean difference | within 0.05 of points |",
         "|---|---|---|---|---|",
     ]
-    for kind in COLOURS:
+    for kind in LOOKS:
         right = [r for r in rows if r["kind"] == kind and r["solved"]]
         off = np.array([r["estimate"] - r["area"] for r in right])
         points = np.array([r["estimate"] - r["points"] for r in right])
@@ -120,25 +126,22 @@ def table(rows: list[dict[str, object]]) -> str:
 
 
 def draw(rows: list[dict[str, object]], path: Path) -> None:
-    from matplotlib.backends.backend_agg import FigureCanvasAgg
-    from matplotlib.figure import Figure
-
-    figure = Figure(figsize=(5.2, 5.0), dpi=150, facecolor="white")
-    FigureCanvasAgg(figure)
+    figure = own_figure(5.2, 5.0)
     axes = figure.add_axes((0.13, 0.11, 0.84, 0.84))
-    axes.fill_between([0, 1], [-0.05, 0.95], [0.05, 1.05], color="#eeeeee", linewidth=0)
-    axes.plot([0, 1], [0, 1], color="#999999", linewidth=0.8)
-    for kind, colour in COLOURS.items():
+    ink = inked(axes)
+    axes.fill_between([0, 1], [-0.05, 0.95], [0.05, 1.05], color=ink, alpha=0.15, linewidth=0)
+    axes.plot([0, 1], [0, 1], color=ink, linewidth=0.8)
+    for kind, (marker, colour) in LOOKS.items():
         for solved, face in ((True, colour), (False, "none")):
             some = [r for r in rows if r["kind"] == kind and r["solved"] == solved]
             x, y = ([r[key] for r in some] for key in ("area", "estimate"))
-            axes.scatter(x, y, s=22, facecolors=face, edgecolors=colour, linewidths=0.9)
-        axes.scatter([], [], s=22, color=colour, label=kind)
-    axes.scatter([], [], s=22, facecolors="none", edgecolors="#555555", label="not solved")
+            axes.scatter(x, y, s=24, marker=marker, facecolors=face, edgecolors=ink, linewidths=0.6)
+        axes.scatter([], [], s=24, marker=marker, color=colour, label=kind)
+    axes.scatter([], [], s=24, facecolors="none", edgecolors=ink, label="not solved")
     axes.set(xlim=(0, 1.02), ylim=(0, 1.02))
     axes.set_xlabel("true overlap: share of area, under the known pose")
     axes.set_ylabel("result.overlap")
-    axes.legend(frameon=False, loc="upper left")
+    axes.legend(frameon=False, loc="upper left", labelcolor=ink)
     with written_whole(path) as partial:
         figure.savefig(partial)
 

@@ -75,7 +75,8 @@ def register(
         or one of your own, in place of the method's.
     aligner
         Name of another metric (:func:`hmrf_icp.presets.aligner_names`), or an
-        aligner of your own, in place of the method's.
+        aligner of your own, in place of the method's. ``"colour"`` takes the colours or
+        intensities of both clouds as evidence beside the surfaces.
     criteria
         When to stop, in place of the method's.
     viewpoint
@@ -102,7 +103,8 @@ def register(
     Raises
     ------
     InputError
-        A cloud, the start or a name is not what it should be.
+        A cloud, the start or a name is not what it should be, or ``aligner="colour"`` meets
+        a cloud without colours.
 
     Warns
     -----
@@ -173,8 +175,13 @@ def _register(
     warn_of_units(moving, fixed, stacklevel + 1)
     near = init is not None if search == "auto" else search == "near"
     begin = between_origins(start, moving, fixed)
+
+    def told(iteration: Iteration) -> None:
+        if on_iteration is not None:
+            on_iteration(_as_given(iteration, moving, fixed))
+
     with Compilation() as compilation:
-        found = method.run(moving, fixed, begin, near, on_iteration)
+        found = method.run(moving, fixed, begin, near, None if on_iteration is None else told)
     seconds = time.perf_counter() - started - compilation.seconds
     loop = found.loop if isinstance(found, SearchResult) else found
     if loop.stuck:
@@ -225,7 +232,7 @@ def described(
         iterations=len(loop.history),
         em_iterations=loop.em_iterations,
         seconds=seconds,
-        history=loop.history,
+        history=tuple(_as_given(iteration, source, target) for iteration in loop.history),
         # About a point: the same in both frames.
         information=None if information is None else about_origin(information, -middle),
         centre=middle + target.origin,
@@ -254,6 +261,14 @@ def between_frames(
     moved: NDArray[np.float64] = transformation.copy()
     moved[:3, 3] += target.origin - transformation[:3, :3] @ source.origin
     return moved
+
+
+def _as_given(iteration: Iteration, source: PreparedCloud, target: PreparedCloud) -> Iteration:
+    """Express where an iteration led in the frames that the clouds were given in."""
+    pose = iteration.transformation
+    if pose is None:
+        return iteration
+    return replace(iteration, transformation=between_frames(pose, source, target))
 
 
 def _read(cloud: Registrable, name: str) -> PreparedCloud | PointCloudLike:

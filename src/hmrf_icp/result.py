@@ -2,10 +2,12 @@
 
 from __future__ import annotations
 
+from collections.abc import Callable
 from dataclasses import dataclass, field
+from typing import TYPE_CHECKING
 
 import numpy as np
-from numpy.typing import NDArray
+from numpy.typing import ArrayLike, NDArray
 
 from hmrf_icp import se3
 from hmrf_icp.clouds.sensor_view import SensorView
@@ -15,6 +17,10 @@ from hmrf_icp.loop.degeneracy import FreeMotion
 from hmrf_icp.loop.icp import Iteration, rms
 from hmrf_icp.search.visibility import Visibility
 from hmrf_icp.stages import Stage
+
+if TYPE_CHECKING:
+    from hmrf_icp.figures.states import Recording
+    from hmrf_icp.view.server import Viewer
 
 BELIEVED = 0.5
 """Confidence from which a pose is believed: more likely right than not."""
@@ -185,6 +191,39 @@ class RegistrationResult:
         inlier = matched.probability > 0.5
         return np.column_stack([matched.row[inlier], matched.onto[inlier]])
 
+    def show(
+        self,
+        init: ArrayLike | None = None,
+        recording: Recording | None = None,
+        truth: ArrayLike | None = None,
+        port: int = 0,
+        block: bool | None = None,
+        on_ready: Callable[[str], object] | None = None,
+    ) -> Viewer:
+        """Look at the registration in the browser.
+
+        Parameters
+        ----------
+        init
+            (4, 4) the start that was given to ``register``; None for the identity.
+        recording
+            What was tried, a :class:`hmrf_icp.view.Recording` that ``register`` was given as
+            ``on_iteration``; without, the timeline has what led to the result alone.
+        truth
+            (4, 4) the true pose, source to target, where it is known.
+        port, block, on_ready
+            See :func:`hmrf_icp.view.show`.
+
+        Raises
+        ------
+        InputError
+            The result is a copy, which has no clouds to show, or the port is taken.
+        """
+        from hmrf_icp import view
+
+        story = view.story(self, init, recording, truth)
+        return view.show(story, port, block, on_ready)
+
     def __eq__(self, other: object) -> bool:
         """Compare numbers, but for the time that it took."""
         return same(self, other) if isinstance(other, RegistrationResult) else NotImplemented
@@ -202,11 +241,33 @@ class RegistrationResult:
             f"Registration: {self.verdict}",
             *([] if self.advice is None else [f"  {self.advice}"]),
             f"  {self._numbers()}",
-            f"  motion {se3.translation_norm(motion):.4g} m, "
-            f"{np.degrees(se3.rotation_angle(motion)):.4g} deg",
+            f"  motion {se3.translation_norm(motion):.4g} m, {_degrees(motion):.4g} deg",
             *(f"  free: {free}" for free in self.degenerate),
         ]
         return "\n".join(lines)
+
+    def _repr_html_(self) -> str:
+        """Summary for a notebook, with a small picture where the clouds are still there."""
+        from hmrf_icp.drawing.card import card, picture
+
+        held, clouds, motion = (
+            self.correspondences,
+            self.correspondences.clouds,
+            self.transformation,
+        )
+        image = None
+        if clouds is not None and held.pose is not None:
+            source, target = (one.cloud for one in clouds)
+            image = picture(source, target, held.pose, held.matched.probability)
+        state = "converged" if self.converged else "did not converge"
+        rows = [
+            ("overlap", f"{self.overlap:.1%} of the source's surface"),
+            ("inliers", f"{self.fitness:.1%} of the points, RMSE {self.inlier_rmse:.4g} m"),
+            ("motion", f"{se3.translation_norm(motion):.4g} m, {_degrees(motion):.4g} deg"),
+            ("iterations", f"{self.iterations}, {state}, {self.seconds:.2f} s"),
+            *(("free", str(free)) for free in self.degenerate),
+        ]
+        return card(f"Registration: {self.verdict}", self.believed, self.advice, rows, image)
 
     def _numbers(self) -> str:
         state = "converged" if self.converged else "did not converge"
@@ -219,3 +280,7 @@ class RegistrationResult:
 def count(number: int, noun: str) -> str:
     """Say a number of things, one or many."""
     return f"{number} {noun}" + ("s" if number != 1 else "")
+
+
+def _degrees(pose: NDArray[np.float64]) -> float:
+    return float(np.degrees(se3.rotation_angle(pose)))

@@ -62,7 +62,7 @@ def test_the_demo_prints_a_summary_and_writes_its_picture(tmp_path):
     assert re.search(r"rotation error +6\.00 deg +\d\.\d\d deg", done.stdout)
     assert f"preset {hmrf_icp.presets.DEFAULT}" in done.stdout
     with Image.open(tmp_path / PICTURE) as image:
-        assert image.size == (1650, 1185)
+        assert image.size == (1650, 1200)
     assert list(tmp_path.iterdir()) == [tmp_path / PICTURE]
 
 

@@ -12,6 +12,8 @@ from hmrf_icp import datasets, se3
 from hmrf_icp.evaluate.methods import own_methods
 from hmrf_icp.evaluate.prepared import Prepared
 from hmrf_icp.evaluate.protocol import Axes, Start, perturbed, true_transformation
+from hmrf_icp.evaluate.report import Success
+from hmrf_icp.evaluate.report.contents import sections
 from hmrf_icp.evaluate.report.pictures import Scene, draw_scene
 from hmrf_icp.evaluate.report.replay import shown_runs
 from hmrf_icp.evaluate.report.study import Study
@@ -35,13 +37,23 @@ def test_half_are_failures_with_the_most_overlap_half_the_largest_errors(tmp_pat
     worst = worst_runs(study, 4)
     # No pair twice, no other method, and no success among the failures.
     assert [study.runs["source"][run.index] for run in worst] == ["2", "3", "4", "5"]
-    assert [run.reason.split()[0] for run in worst] == ["Failed", "Failed", "Largest", "Largest"]
+    assert [run.reason.split()[3] for run in worst] == ["most", "most", "largest", "largest"]
     assert "row 3 of results.csv" in worst[0].facts
 
 
-def test_where_nothing_failed_the_largest_errors_are_shown(tmp_path):
+def test_a_run_that_succeeded_is_none_of_the_worst(tmp_path):
+    rows = [row(source=1), row(source=2, error_m=0.02), row(source=3, error_m=0.7)]
+    study = Study.read(write_folder(tmp_path, rows))
+    worst = worst_runs(study, 4)
+    assert [study.runs["source"][run.index] for run in worst] == ["3"]
+    assert all(not study.solved[run.index] for run in worst)
+
+
+def test_where_nothing_failed_the_report_says_so(tmp_path):
     study = Study.read(write_folder(tmp_path, [row(source=1), row(source=2, error_m=0.02)]))
-    assert [study.runs["source"][run.index] for run in worst_runs(study, 2)] == ["2", "1"]
+    assert worst_runs(study, 2) == []
+    (section,) = (one for one in sections(study, (), [], "") if one.name == "worst-section")
+    assert section.paragraphs == ["None failed."]
 
 
 @pytest.fixture(scope="module")
@@ -63,7 +75,8 @@ def evaluated():
 
 def picture(tmp_path, values):
     config = {"dataset": "synthetic:tabletop", "subsample": SUBSAMPLE, "axes": 2, "seed": 7}
-    study = Study.read(write_folder(tmp_path, [row(**values)], config))
+    # A run that failed: no run comes within so little.
+    study = Study.read(write_folder(tmp_path, [row(**values)], config), Success(1e-9, 1e-9))
     ((shown,), reason) = shown_runs(study, 1)
     return shown.drawing, reason
 
@@ -96,7 +109,7 @@ def test_a_run_without_a_pose_shows_where_it_began(tmp_path, evaluated):
     ],
 )
 def test_without_data_there_is_a_reason_instead(tmp_path, config, reason):
-    study = Study.read(write_folder(tmp_path, [row(source=99999)], config))
+    study = Study.read(write_folder(tmp_path, [row(source=99999, error_m=1.0)], config))
     ((shown,), said) = shown_runs(study, 1)
     assert shown.drawing is None
     assert reason in said

@@ -22,9 +22,6 @@ REACH = 2.0
 """Spacings of the target within which a point has a counterpart: those of a surface that
 is sampled at random are seldom farther apart."""
 
-RIM = 1.0
-"""The same at the border of the target's surface, beyond which there is none of it."""
-
 NEIGHBOURS = 4
 """Target points that may be the counterpart: along an edge the closest faces either way."""
 
@@ -65,8 +62,7 @@ def overlap(source: PreparedCloud, target: PreparedCloud, pose: Array) -> float:
     distance, near = target.tree.query(np.ascontiguousarray(points), k=min(NEIGHBOURS, len(target)))
     distance, near = distance.reshape(len(rows), -1), near.reshape(len(rows), -1)
     noise = np.hypot(surface.noise[rows, None], onto.noise[near])
-    reach = np.where(target.border[near], RIM, REACH) * np.sqrt(onto.area[near])
-    found = distance < reach + BAND * noise
+    found = distance < REACH * np.sqrt(onto.area[near]) + BAND * noise
     if 1.0 / AS_DENSE < surface.spacing / max(onto.spacing, 1e-300) < AS_DENSE:
         cosine = np.einsum("ij,ikj->ik", normals, onto.normals[near])
         if not (surface.oriented and onto.oriented):

@@ -30,6 +30,7 @@ def build(points: Any, corner: Any, edge: float, shape: tuple[int, ...]) -> Any:
     fill(points, corner, edge, table)
     squared = np.where(table < 0, np.float32(np.inf), np.float32(0.0))
     longest = max(shape)
+    nx, ny, nz = shape
     # Made here: what a kernel allocates itself takes long to compile.
     scratch = (
         np.empty(longest, np.int64),
@@ -37,7 +38,7 @@ def build(points: Any, corner: Any, edge: float, shape: tuple[int, ...]) -> Any:
         np.empty(longest, np.int32),
         np.empty(longest, np.float32),
     )
-    spread_all(table.reshape(-1), squared.reshape(-1), *shape, *scratch)
+    spread_all(table.reshape(-1), squared.reshape(-1), nx, ny, nz, *scratch)
     compare(points, corner, edge, table)
     return table
 

@@ -68,6 +68,18 @@ class Correspondences:
         self._pose, self._decide = transformation, decide
         self.shape = source.cloud.shape
 
+    @property
+    def clouds(self) -> tuple[PreparedCloud, PreparedCloud] | None:
+        """Source and target as they were registered; None of a copy or what was pickled."""
+        held = self.__dict__
+        return (held["_source"], held["_target"]) if "_source" in held else None
+
+    @property
+    def pose(self) -> Array | None:
+        """(4, 4) the pose between these two; None likewise."""
+        pose: Array | None = self.__dict__.get("_pose")
+        return pose
+
     @cached_property
     def matched(self) -> Matched:
         """The closest target point of every source point, and the label of each."""

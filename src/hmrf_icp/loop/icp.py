@@ -11,7 +11,7 @@ from numpy.typing import NDArray
 from hmrf_icp import se3
 from hmrf_icp.clouds.prepared import PreparedCloud
 from hmrf_icp.errors import InputError
-from hmrf_icp.frozen import FrozenDict
+from hmrf_icp.frozen import FrozenDict, same
 from hmrf_icp.loop.align import Align, Aligner, Step
 from hmrf_icp.loop.criteria import Criteria, StoppingRule, at_most
 from hmrf_icp.loop.match import Match, Matcher, Matches, checked
@@ -57,7 +57,7 @@ class Method:
         )
 
 
-@dataclass(frozen=True)
+@dataclass(frozen=True, eq=False)
 class Iteration:
     """What one ICP iteration did.
 
@@ -75,6 +75,8 @@ class Iteration:
         Root mean square distance of the inliers before its motion, metres.
     parameters
         What the rejection learnt: means and deviations or a threshold, metres.
+    transformation
+        (4, 4) source to target, after its motion; None where nobody told.
     """
 
     iteration: int
@@ -84,11 +86,18 @@ class Iteration:
     step_rotation: float
     inlier_rmse: float
     parameters: Mapping[str, float]
+    transformation: Array | None = None
 
     def __post_init__(self) -> None:
         """Take any mapping of parameters, and keep one that pickles."""
         if not isinstance(self.parameters, FrozenDict):
             object.__setattr__(self, "parameters", FrozenDict(self.parameters))
+
+    def __eq__(self, other: object) -> bool:
+        return same(self, other) if isinstance(other, Iteration) else NotImplemented
+
+    def __hash__(self) -> int:
+        return hash((self.iteration, self.step_translation, self.step_rotation))
 
 
 @dataclass(frozen=True, eq=False)
@@ -181,6 +190,7 @@ class Loop:
                     step_rotation=se3.rotation_angle(step.motion),
                     inlier_rmse=rms(matches.distance[labels.inlier]),
                     parameters=labels.parameters,
+                    transformation=source.transformation,
                 )
             )
             em_before = 0

@@ -95,6 +95,7 @@ def polish(
                 step_rotation=se3.rotation_angle(step.motion),
                 inlier_rmse=rms(matches.distance[weighed.inlier]),
                 parameters=loop.labels.parameters,
+                transformation=placed.transformation,
             )
         )
         if on_iteration is not None:

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from typing import TYPE_CHECKING
 
 import numpy as np
@@ -25,6 +26,7 @@ from hmrf_icp.evaluate.report.style import (
     VERMILION,
     Drawing,
     drawing_style,
+    looks,
     sheet,
     shown,
 )
@@ -50,10 +52,11 @@ def reliability_figure(study: Study) -> Drawing | None:
         )
         bins = np.linspace(0, 1, 21).tolist()
         words = []
-        for number, score in enumerate(given):
+        colours = _colours(study, given)
+        for number, (score, colour) in enumerate(zip(given, colours, strict=True)):
             value = np.clip(score.value, 0.0, 1.0)
             result = reliability(value, score.solved)
-            colour, marker = COLOURS[number % 6], MARKERS[number % 6]
+            marker = MARKERS[number % 6]
             height = [share.solved / share.runs for share in result.shares]
             low, high = zip(*(share.interval for share in result.shares), strict=True)
             left.plot(
@@ -105,7 +108,7 @@ def roc_figure(study: Study) -> Drawing | None:
     with drawing_style():
         figure, grid = sheet(1, 2, 4.6, 4.4)
         for axes, low_only in zip(grid[0], (False, True), strict=True):
-            _roc(axes, curves, low_only)
+            _roc(axes, curves, _colours(study, curves), low_only)
         grid[0][0].set_title("All overlaps")
         grid[0][1].set_title(f"Overlap below {LOW_OVERLAP:g}")
         words = []
@@ -137,9 +140,20 @@ def _curves(study: Study) -> list[Score]:
     return chosen[: MOST_CURVES - 1] + ([] if pooled is None else [pooled])
 
 
-def _roc(axes: Axes, curves: list[Score], low_only: bool) -> None:
+def _colours(study: Study, scores: Sequence[Score]) -> list[str]:
+    """Give methods the colours that they have in the other figures, and what is pooled the rest."""
+    styles = looks(study.roster.methods)
+    own = {method.label: styles[method.name].colour for method in study.roster.own}
+    free = [colour for colour in COLOURS if colour not in own.values()]
+    return [
+        own.get(score.label, free[number % len(free)] if free else GREY)
+        for number, score in enumerate(scores)
+    ]
+
+
+def _roc(axes: Axes, curves: list[Score], colours: list[str], low_only: bool) -> None:
     axes.plot([0, 1], [0, 1], color=GREY, linewidth=0.9, linestyle="--")
-    for number, score in enumerate(curves):
+    for number, (score, colour) in enumerate(zip(curves, colours, strict=True)):
         keep = score.low if low_only else np.ones_like(score.low)
         area = score.area(low_only)
         if area is None:
@@ -149,7 +163,7 @@ def _roc(axes: Axes, curves: list[Score], low_only: bool) -> None:
         axes.plot(
             false,
             true,
-            color=COLOURS[number % len(COLOURS)],
+            color=colour,
             linestyle=line,
             label=shown(f"{score.label}, {score.column}: {area:.3f}"),
         )

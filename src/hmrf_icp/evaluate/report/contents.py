@@ -41,6 +41,23 @@ from hmrf_icp.evaluate.report.tables import Table
 MOST_VALUES = 40
 """Longer lists of the configuration are cut in the page; config.json has them whole."""
 
+FACTS = (
+    "dataset",
+    "benchmark",
+    "pairs",
+    "targets",
+    "frames_per_decile",
+    "minimum_overlap",
+    "subsample",
+    "points_alone",
+    "starts",
+    "axes",
+    "seed",
+    "methods",
+    "peers",
+)
+"""What the configuration is said in the order of; what else there is comes after."""
+
 DEEPEST = 4
 """What is nested more than this is left to config.json as well."""
 
@@ -123,14 +140,18 @@ def _confidence(study: Study, cast: Sequence[Band]) -> Section | None:
 
 
 def _worst(study: Study, worst: Sequence[ShownRun], no_picture: str) -> Section | None:
+    title = f"The worst runs of {study.headline.label}"
+    mine = study.runs.of(study.headline.name)
+    if mine.any() and study.solved[mine].all():
+        return Section("worst-section", title, paragraphs=["None failed."])
     if not worst:
         return None
     return Section(
         "worst-section",
-        f"The worst runs of {study.headline.label}",
+        title,
         paragraphs=_some(
-            "Failures where the overlap gives no excuse, and the largest errors; of one pair only "
-            "the first. Blue is the target, orange the source.",
+            "Failures where the overlap gives no excuse, and those with the largest errors; of one "
+            "pair only the first. Blue is the source, orange the target.",
             no_picture,
         ),
         worst=worst,
@@ -194,8 +215,6 @@ def _run(study: Study) -> Section:
         listed = found if isinstance(found, list | tuple) else [] if found is None else [found]
         remarks += [_words(item) for item in listed]
     paragraphs = [] if study.config else ["There is no config.json beside results.csv."]
-    if remarks:
-        paragraphs.append("Left out, and why:")
     return Section(
         "run-section",
         "What was run",
@@ -204,14 +223,19 @@ def _run(study: Study) -> Section:
         remarks=remarks,
         items=[pairs_table(study)],
         facts=[
-            ("starts", ", ".join(start.label for start in study.starts)),
-            *_facts(config),
+            *_facts(config, ", ".join(start.label for start in study.starts)),
         ],
     )
 
 
-def _facts(config: Mapping[str, Any]) -> list[tuple[str, str]]:
-    return [(plain(name.replace("_", " ")), _words(value)) for name, value in config.items()]
+def _facts(config: Mapping[str, Any], starts: str) -> list[tuple[str, str]]:
+    """Say the configuration: what was registered, from where, by what, on what."""
+    all_of_it = {**config, "starts": starts}
+    if "pairs" in config and config["pairs"] is None:
+        all_of_it["pairs"] = "all"
+    order = {name: place for place, name in enumerate(FACTS)}
+    names = sorted(all_of_it, key=lambda name: order.get(name, len(order)))
+    return [(plain(name.replace("_", " ")), _words(all_of_it[name])) for name in names]
 
 
 def _words(value: Any, depth: int = 0) -> str:
@@ -225,7 +249,9 @@ def _words(value: Any, depth: int = 0) -> str:
         more = len(value) - MOST_VALUES
         shown = ", ".join(_words(item, depth + 1) for item in value[:MOST_VALUES])
         return (f"{shown} and {more} more" if more > 0 else shown) or "none"
-    return "not known" if value is None else plain(str(value))
+    if isinstance(value, bool):
+        return "yes" if value else "no"
+    return "not known" if value is None else plain(str(value)) or "none"
 
 
 def _some(*items: Any) -> list[Any]:

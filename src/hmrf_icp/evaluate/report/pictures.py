@@ -9,13 +9,17 @@ import numpy as np
 from numpy.typing import NDArray
 
 from hmrf_icp import se3
-from hmrf_icp.evaluate.report.style import BLUE, VERMILION, Drawing, drawing_style, sheet
+from hmrf_icp.drawing import palette
+from hmrf_icp.evaluate.report.style import Drawing, drawing_style, sheet
 
 if TYPE_CHECKING:
     from matplotlib.axes import Axes
 
 MOST_POINTS = 6000
 """Points drawn of one cloud: more only blacken the picture."""
+
+FEW_POINTS = 4000
+"""Of fewer points each is drawn larger."""
 
 Array = NDArray[np.float64]
 
@@ -63,22 +67,26 @@ def draw_scene(scene: Scene, name: str, about: str, caption: str = "") -> Drawin
         figure, grid = sheet(2, 3, width, 0.5 + width * min(1.2, max(0.35, sum(ratios) / 2)))
         for row, (view, a, b, downwards) in zip(grid, views, strict=True):
             for axes, (title, pose) in zip(row, poses, strict=True):
-                _cloud(axes, target[:, a], target[:, b], BLUE, "target")
+                _cloud(axes, target[:, a], target[:, b], palette.TARGET, "target")
                 if pose is not None:
                     moved = se3.transform(pose, source)
-                    _cloud(axes, moved[:, a], moved[:, b], VERMILION, "source")
+                    _cloud(axes, moved[:, a], moved[:, b], palette.SOURCE, "source")
                 axes.set_xlim(low[a], high[a])
                 axes.set_ylim(*((high[b], low[b]) if downwards else (low[b], high[b])))
                 axes.set_aspect("equal")
                 axes.grid(visible=False)
                 if row is grid[0]:
-                    axes.set_title(title)
+                    axes.set_title(title, color=palette.MIDDLE_INK)
+                _on_any_page(axes)
                 if axes is row[0]:
                     axes.set_ylabel(f"{view} (m)")
                 else:
                     axes.tick_params(labelleft=False)
         handles, labels = grid[0][0].get_legend_handles_labels()
         legend = figure.legend(handles, labels, loc="outside lower center", ncols=2, markerscale=8)
+        figure.set_facecolor("none")
+        for text in legend.get_texts():
+            text.set_color(palette.MIDDLE_INK)
         for handle in legend.legend_handles:
             if handle is not None:
                 handle.set_alpha(1.0)
@@ -86,13 +94,24 @@ def draw_scene(scene: Scene, name: str, about: str, caption: str = "") -> Drawin
             figure,
             name,
             caption,
-            "Two rows of three pictures of the target's points in blue and the source's in orange: "
+            "Two rows of three pictures of the target's points in orange and the source's in blue: "
             f"at the start, at the end, and under the true pose. {about}",
         )
 
 
+def _on_any_page(axes: Axes) -> None:
+    """Draw without a ground, in ink that is read on a light page and on a dark one."""
+    axes.set_facecolor("none")
+    axes.tick_params(colors=palette.MIDDLE_INK)
+    for spine in axes.spines.values():
+        spine.set_color(palette.MIDDLE_INK)
+    for text in (axes.xaxis.label, axes.yaxis.label):
+        text.set_color(palette.MIDDLE_INK)
+
+
 def _cloud(axes: Axes, x: Array, y: Array, colour: str, label: str) -> None:
-    axes.scatter(x, y, s=0.8, c=colour, alpha=0.45, linewidths=0, label=label, rasterized=True)
+    size = 0.8 * max(1.0, FEW_POINTS / max(len(x), 1))
+    axes.scatter(x, y, s=size, c=colour, alpha=0.6, linewidths=0, label=label, rasterized=True)
 
 
 def _thinned(points: Array) -> Array:

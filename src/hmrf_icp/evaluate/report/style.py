@@ -8,6 +8,7 @@ from contextlib import contextmanager
 from dataclasses import dataclass
 from typing import TYPE_CHECKING, Any
 
+from hmrf_icp.evaluate.report.dark import follows_the_page
 from hmrf_icp.evaluate.report.methods import ReportedMethod
 
 if TYPE_CHECKING:
@@ -160,7 +161,8 @@ class Drawing:
         canvases: tuple[Any, Any] = FigureCanvasAgg(figure), FigureCanvasSVG(figure)
         canvases[0].print_png(png, metadata={"Software": None})
         canvases[1].print_svg(svg, metadata={"Date": None})
-        return cls(name, caption, alternative, png.getvalue(), svg.getvalue().encode("utf-8"))
+        follows = follows_the_page(svg.getvalue())
+        return cls(name, caption, alternative, png.getvalue(), follows.encode("utf-8"))
 
 
 @contextmanager

@@ -12,7 +12,7 @@ from hmrf_icp.evaluate.report.runs import ReportedStart
 from hmrf_icp.evaluate.report.study import Study
 
 UNEXPECTED = "Failed with the most overlap"
-LARGEST = "Largest error"
+LARGEST = "Failed with the largest error"
 
 
 @dataclass(frozen=True)
@@ -38,7 +38,7 @@ class WorstRun:
 def worst_runs(study: Study, count: int) -> list[WorstRun]:
     """Choose runs of the headline method, no pair twice.
 
-    Half of them are failures at the highest overlap, which should not have
+    All of them failed. Half are those at the highest overlap, which should not have
     happened; the others are those with the largest translation error.
 
     Parameters
@@ -53,7 +53,7 @@ def worst_runs(study: Study, count: int) -> list[WorstRun]:
     missed = mine[~study.solved[mine]]
     by_overlap = missed[np.argsort(-runs["overlap"][missed], kind="stable")]
     chosen = _one_a_pair(study, by_overlap, -(-count // 2), set())
-    finite = mine[np.isfinite(runs["error_m"][mine])]
+    finite = missed[np.isfinite(runs["error_m"][missed])]
     by_error = finite[np.argsort(-runs["error_m"][finite], kind="stable")]
     taken = {str(runs["pair"][i]) for i in chosen}
     largest = _one_a_pair(study, by_error, count - len(chosen), taken)

@@ -111,7 +111,9 @@ def tables_markdown(title: str, said: Sequence[str], parts: Sequence[Section]) -
             # No run of marks in the command may close the fence.
             fence = "`" * (3 + max(map(len, re.findall("`+", part.command)), default=0))
             lines += [f"{fence}console", f"$ {part.command}", fence, ""]
-        lines += [f"- {escaped(remark)}" for remark in part.remarks] + [""] * bool(part.remarks)
+        if part.remarks:
+            lines += ["Notes, and what was left out:", ""]
+            lines += [*(f"- {escaped(remark)}" for remark in part.remarks), ""]
         lines += [table.markdown() for table in tables]
         # Where the data stood on one machine is nothing for a documentation page.
         facts = [(name, value) for name, value in part.facts if name != "dataset"]

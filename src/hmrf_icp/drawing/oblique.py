@@ -1,10 +1,9 @@
-"""Clouds drawn as lit surfaces from an oblique viewpoint, far points first."""
+"""Clouds as lit surfaces, seen from an oblique viewpoint."""
 
 from __future__ import annotations
 
 from collections.abc import Sequence
 from dataclasses import dataclass
-from typing import TYPE_CHECKING
 
 import numpy as np
 from numpy.typing import NDArray
@@ -13,13 +12,10 @@ from hmrf_icp import se3
 from hmrf_icp.clouds.cloud import PointCloud
 from hmrf_icp.se3 import Array
 
-if TYPE_CHECKING:
-    from matplotlib.axes import Axes
-
 LIGHT = np.array([-0.35, 0.65, 0.70])
 """Direction to the lamp in the picture's axes: right, up, towards who looks."""
 
-SHADOW = 0.45
+SHADOW = 0.55
 """Brightness of what faces away from the lamp."""
 
 
@@ -137,64 +133,24 @@ def _like_a_camera(cloud: PointCloud) -> bool:
     return cloud.camera is not None or (cloud.organised and cloud.viewpoint is None)
 
 
-def bounds(clouds: Sequence[Array], frame: Array, margin: float = 0.03) -> Array:
+def bounds(
+    clouds: Sequence[Array], frame: Array, margin: float = 0.03, aspect: float | None = None
+) -> Array:
     """Find the picture's limits ((left, right), (low, high)), metres, from points (M, 3) each.
 
-    All but a few stray points are inside.
+    All but a few stray points are inside. With ``aspect``, width over height, the limits are
+    widened to it: a metre is as long up as across.
     """
     flat = np.concatenate(clouds) @ frame[:2].T
     low, high = np.percentile(flat, (0.02, 99.98), axis=0)
     room = margin * (high - low).max() + 1e-12
-    return np.stack([low - room, high + room], axis=1)
-
-
-def draw(
-    axes: Axes,
-    layers: Sequence[tuple[Patches, Array]],
-    frame: Array,
-    limits: Array,
-) -> None:
-    """Draw patches in orthographic projection, with a bar for the scale.
-
-    Parameters
-    ----------
-    axes
-        Empty ones; their place in the figure must be final, it gives the size of a patch.
-    layers
-        Patches and their colours (M, 3), RGB in [0, 1], as they are or from ``lit``.
-    frame
-        As from ``viewing_frame``.
-    limits
-        As from ``bounds``.
-    """
-    points = np.concatenate([patches.points for patches, _ in layers]) @ frame.T
-    spacing = np.concatenate([patches.spacing for patches, _ in layers])
-    colours = np.concatenate([colour for _, colour in layers])
-    within = ((points[:, :2] >= limits[:, 0]) & (points[:, :2] <= limits[:, 1])).all(axis=1)
-    order = np.flatnonzero(within)[np.argsort(points[within, 2], kind="stable")]
-
-    box = axes.get_position()
-    inches = np.array([box.width, box.height]) * axes.figure.bbox.size / axes.figure.dpi
+    limits = np.stack([low - room, high + room], axis=1)
+    if aspect is None:
+        return limits
     span = limits[:, 1] - limits[:, 0]
-    grow = (inches / inches.min()) / (span / span[np.argmin(inches)])
-    span = span * np.maximum(grow / grow.min(), 1.0)  # one metre is as long up as across
+    wanted = np.array([max(span[0], aspect * span[1]), max(span[1], span[0] / aspect)])
     middle = limits.mean(axis=1)
-    axes.set_xlim(middle[0] - span[0] / 2, middle[0] + span[0] / 2)
-    axes.set_ylim(middle[1] - span[1] / 2, middle[1] + span[1] / 2)
-    per_metre = 72.0 * inches[0] / span[0]
-    diameter = np.maximum(1.35 * spacing[order] * per_metre, 0.7)
-    axes.scatter(
-        points[order, 0],
-        points[order, 1],
-        s=diameter**2,
-        c=colours[order],
-        marker="o",
-        linewidths=0,
-        rasterized=True,
-    )
-    axes.set_xticks([])
-    axes.set_yticks([])
-    _scale_bar(axes, span)
+    return np.stack([middle - wanted / 2, middle + wanted / 2], axis=1)
 
 
 def lit(patches: Patches, colours: Array, frame: Array) -> Array:
@@ -211,22 +167,3 @@ def lit(patches: Patches, colours: Array, frame: Array) -> Array:
     brightness = (SHADOW + (1.0 - SHADOW) * cosine)[:, None]
     highlight = np.clip(cosine - 0.9, 0.0, 0.1)[:, None]
     return np.asarray(np.clip(colours * brightness + highlight, 0.0, 1.0))
-
-
-def _scale_bar(axes: Axes, span: Array) -> None:
-    """Bar of a round length, about a fifth of the width, in the lower left corner."""
-    about = 0.2 * float(span[0])
-    decade = 10.0 ** np.floor(np.log10(about))
-    length = float(max(f * decade for f in (1.0, 2.0, 5.0) if f * decade <= about))
-    left, low = axes.get_xlim()[0] + 0.03 * span[0], axes.get_ylim()[0] + 0.04 * span[1]
-    axes.plot([left, left + length], [low, low], color="#222222", linewidth=2.5)
-    text = f"{length:g} m" if length >= 0.1 else f"{1000 * length:g} mm"
-    axes.text(
-        left + length / 2,
-        low + 0.012 * span[1],
-        text,
-        ha="center",
-        va="bottom",
-        fontsize=8,
-        color="#222222",
-    )
