@@ -35,8 +35,9 @@ def register(
         typer.Argument(
             metavar="SOURCE",
             show_default=False,
-            help="What moves: a depth map (16-bit PNG or PGM, TIFF, NPY) or a cloud in metres "
-            "(PLY, PCD, XYZ, CSV, TXT, NPY, NPZ).",
+            help="What moves: a depth map (16-bit PNG or PGM, TIFF, EXR, NPY), a cloud in metres "
+            "(PLY, PCD, LAS, LAZ, E57, XYZ, XYZN, PTS, ASC, CSV, TXT, NPY, NPZ, KITTI's BIN) or a "
+            "mesh (OBJ, STL, GLB, PLY).",
         ),
     ],
     target: Annotated[
@@ -48,7 +49,9 @@ def register(
         typer.Option(
             metavar="FILE",
             rich_help_panel=_DEPTH,
-            help="Intrinsics of the depth maps: a 3x3 matrix as text or an Open3D intrinsics JSON.",
+            help="Intrinsics of the depth maps: a 3x3 matrix as text, the JSON of Open3D, of "
+            "RealSense or of an Azure Kinect's calibration, or ROS's camera_info in YAML. What "
+            "the lens distorts is undistorted.",
         ),
     ] = None,
     intrinsics: Annotated[
@@ -72,6 +75,37 @@ def register(
             metavar="M",
             rich_help_panel=_DEPTH,
             help="Leave out depths beyond this many metres.",
+        ),
+    ] = None,
+    source_confidence: Annotated[
+        Path | None,
+        typer.Option(
+            metavar="FILE",
+            rich_help_panel=_DEPTH,
+            help="How sure each pixel of SOURCE is, as ARKit writes it: an image of its size.",
+        ),
+    ] = None,
+    target_confidence: Annotated[
+        Path | None,
+        typer.Option(
+            metavar="FILE", rich_help_panel=_DEPTH, help="The same for the pixels of TARGET."
+        ),
+    ] = None,
+    min_confidence: Annotated[
+        float,
+        typer.Option(
+            metavar="LEVEL",
+            rich_help_panel=_DEPTH,
+            help="Leave out depths that are less sure: 1 is ARKit's medium, 2 its high.",
+        ),
+    ] = 1,
+    samples: Annotated[
+        int | None,
+        typer.Option(
+            metavar="N",
+            rich_help_panel=_CLOUDS,
+            help="Points to spread over the surface of a mesh; 0 takes its vertices. Without, "
+            "those are taken if they are many and evenly spread, and 100,000 points otherwise.",
         ),
     ] = None,
     viewpoint: Annotated[
@@ -142,8 +176,9 @@ def register(
             metavar="ALIGNED",
             rich_help_panel=_OUTPUT,
             help="Write the source, moved into the target's frame, as a cloud "
-            "(.ply, .pcd, .xyz, .xyzn, .csv, .txt, .npy, .npz); with all that it had, its normals "
-            "turned, where the format has a place for it (.ply, .pcd, .csv, .npz).",
+            "(.ply, .pcd, .las, .laz, .e57, .obj, .xyz, .xyzn, .pts, .asc, .csv, .txt, .npy, "
+            ".npz); with all that it had, its normals turned, where the format has a place for it "
+            "(.ply, .pcd, .las, .laz, .csv, .npz).",
         ),
     ] = None,
     pose: Annotated[
@@ -245,7 +280,8 @@ def register(
         raise InputError(f"--search: unknown {search!r}, expected auto, near or everywhere")
     start = None if init is None else read_pose(init)
     outputs = Outputs(output, pose, figure, html, rrd)
-    outputs.check([file for file in (source, target, camera, init) if file])
+    sure = (source_confidence, target_confidence)
+    outputs.check([file for file in (source, target, camera, init, *sure) if file])
 
     chosen = {"preset": preset, "rejector": rejector, "aligner": aligner}
     named = chosen | {"source": source, "target": target}
@@ -255,8 +291,10 @@ def register(
     try:
         with registration_bar() as bar:
             bar.stage("Reading")
-            moving, moving_is_depth = _read(source, lens, depth_scale, max_depth)
-            staying, staying_is_depth = _read(target, lens, depth_scale, max_depth)
+            (moving, moving_is_depth), (staying, staying_is_depth) = (
+                _read(file, lens, depth_scale, max_depth, samples, confidence, min_confidence)
+                for file, confidence in zip((source, target), sure, strict=True)
+            )
             given = (camera, intrinsics, depth_scale, max_depth)
             if not (moving_is_depth or staying_is_depth) and any(o is not None for o in given):
                 note("neither file is a depth map: the options for depth maps have no effect")
@@ -329,13 +367,19 @@ def _lens(camera: Path | None, intrinsics: str | None) -> Intrinsics | None:
 
 
 def _read(
-    path: Path, lens: Intrinsics | None, depth_scale: float | None, max_depth: float | None
+    path: Path,
+    lens: Intrinsics | None,
+    depth_scale: float | None,
+    max_depth: float | None,
+    samples: int | None = None,
+    confidence: Path | None = None,
+    min_confidence: float = 1,
 ) -> tuple[PointCloud, bool]:
     """Read a cloud, and say whether it came from a depth map."""
     from hmrf_icp.clouds.cloud import PointCloud
     from hmrf_icp.io.cloud import read_any, unproject
 
-    content = read_any(path)
+    content = read_any(path, samples, confidence, min_confidence)
     if isinstance(content, PointCloud):
         return content, False
     return unproject(path, content, lens, depth_scale, max_depth), True
