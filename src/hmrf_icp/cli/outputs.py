@@ -7,8 +7,7 @@ from dataclasses import dataclass
 from pathlib import Path
 from typing import TYPE_CHECKING
 
-import typer
-
+from hmrf_icp.cli.loudness import note
 from hmrf_icp.errors import InputError
 
 if TYPE_CHECKING:
@@ -18,6 +17,9 @@ if TYPE_CHECKING:
     from hmrf_icp.view.story import Story
 
 FIGURE_SUFFIXES = (".png", ".pdf", ".svg")
+
+KEEPING = (".ply", ".pcd", ".csv", ".npz")
+"""Formats that have a place for all that a point has."""
 
 
 @dataclass(frozen=True)
@@ -41,6 +43,18 @@ class Outputs:
             "--rrd": self.rrd,
         }
         return [(option, file) for option, file in named.items() if file is not None]
+
+    def in_folders(self, stem: str, source: Path) -> Outputs:
+        """Name the files of one pair of many, taking these here for folders.
+
+        The moved cloud is of the source's format where that keeps all that a cloud has.
+        """
+        suffix = source.suffix.lower() if source.suffix.lower() in KEEPING else ".ply"
+        return Outputs(
+            cloud=self.cloud and self.cloud / f"{stem}{suffix}",
+            pose=self.pose and self.pose / f"{stem}.txt",
+            figure=self.figure and self.figure / f"{stem}.png",
+        )
 
     def check(self, inputs: list[Path]) -> None:
         """Refuse what could not be written in the end, before minutes are spent on it."""
@@ -117,8 +131,3 @@ class Outputs:
 
                 write_rrd(told, outputs.enter_context(written_whole(self.rrd)))
         return [file for _, file in self.files]
-
-
-def note(message: str) -> None:
-    """Say on stderr what a reader should know and need not act upon."""
-    typer.echo(f"Note: {message}", err=True)
