@@ -335,6 +335,10 @@ def register(
     if not isinstance(asked, Pair):
         from hmrf_icp.cli.many import Many
 
+        for option, one in (("--view", view), ("--html", html), ("--rrd", rrd)):
+            if one:
+                raise InputError(f"{option}: shows one pair, and many were given; leave it out")
+
         def read(path: Path) -> PointCloud:
             cloud, _ = read_input(path, lens, depth_scale, max_depth, samples)
             return cloud if stood is None else seen_from(stood, cloud)
