@@ -131,12 +131,12 @@ def evaluate(
         if not (folder / PAIRS).is_file():
             found = source.find(complete, clouds, team, report)
             if complete.pairs is not None:
-                everyone = len(found)
+                there = len(found)
                 found = protocol.spread(found, complete.pairs, complete.seed)
-                if len(found) < everyone:
+                if len(found) < there:
                     tell(
-                        f"{len(found):,} of {everyone:,} pairs, spread over scenes and overlap; "
-                        f"{everyone - len(found):,} are left out"
+                        f"{len(found):,} of {there:,} pairs, spread over scenes and overlap; "
+                        f"{there - len(found):,} are left out"
                     )
             _write_pairs(folder / PAIRS, found)
         pairs = _read_pairs(folder / PAIRS)
