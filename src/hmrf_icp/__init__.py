@@ -3,6 +3,8 @@
 from hmrf_icp import presets
 from hmrf_icp.clouds.camera import PinholeCamera
 from hmrf_icp.clouds.cloud import PointCloud
+from hmrf_icp.clouds.distorted_camera import DistortedCamera
+from hmrf_icp.clouds.distortion import Distortion
 from hmrf_icp.clouds.prepared import PreparedCloud, prepare
 from hmrf_icp.errors import (
     HmrfIcpError,
@@ -33,6 +35,8 @@ __all__ = [
     "X84",
     "CoarseToFine",
     "Criteria",
+    "DistortedCamera",
+    "Distortion",
     "Dynamic",
     "FreeMotion",
     "HiddenMarkovRandomField",

@@ -438,6 +438,34 @@ def test_intrinsics_for_another_image_size(command, pair, tmp_path):
     assert "48 x 36" in err
 
 
+def test_depths_that_the_phone_is_not_sure_of_are_left_out(command, pair, tmp_path):
+    sure = np.ones((36, 48), np.uint8)
+    sure[:, :12] = 0
+    Image.fromarray(sure).save(tmp_path / "sure.png")
+    masks = ("--source-confidence", tmp_path / "sure.png")
+    status, out, err = command(
+        "register", *pair, *INTRINSICS, *masks, "--output", tmp_path / "a.npy"
+    )
+    assert status == 0, out + err
+    assert np.isnan(np.load(tmp_path / "a.npy")[:, :12]).all()
+    none = ("--target-confidence", tmp_path / "sure.png", "--min-confidence", "2")
+    assert "0 observed points" in refused(command, tmp_path, *pair, *INTRINSICS, *none)
+
+
+def test_a_drawing_is_sampled_as_asked(command, tmp_path):
+    """A crooked roof: two squares of two triangles, and a third."""
+    corners = np.array([[0, 0, 0], [1, 0, 0.2], [0, 1, 0.3], [1, 1, 0.1], [0.4, 0.3, 1.0]])
+    faces = ["3 0 1 4", "3 1 3 4", "3 3 2 4", "3 2 0 4"]
+    header = "ply\nformat ascii 1.0\nelement vertex 5\nproperty float x\nproperty float y\n"
+    header += "property float z\nelement face 4\nproperty list uchar int vertex_indices\nend_header"
+    rows = [" ".join(map(str, corner)) for corner in corners]
+    (tmp_path / "roof.ply").write_text("\n".join([header, *rows, *faces, ""]))
+    write_cloud(tmp_path / "scan.ply", read_cloud(tmp_path / "roof.ply", samples=1500))
+    asked = ("--samples", "1200", "--output", tmp_path / "a.npy")
+    command("register", tmp_path / "roof.ply", tmp_path / "scan.ply", "--search", "near", *asked)
+    assert np.load(tmp_path / "a.npy").shape == (1200, 3)
+
+
 def test_a_start_that_is_not_rigid(command, pair, tmp_path):
     np.savetxt(tmp_path / "scaled.txt", np.diag([2.0, 2, 2, 1]))
     err = refused(command, tmp_path, *pair, *INTRINSICS, "--init", tmp_path / "scaled.txt")
@@ -446,9 +474,9 @@ def test_a_start_that_is_not_rigid(command, pair, tmp_path):
 
 
 def test_unknown_kind_of_input_lists_the_known(command, pair, tmp_path):
-    (tmp_path / "scan.las").write_text("LASF")
-    err = refused(command, tmp_path, pair[0], tmp_path / "scan.las", *INTRINSICS)
-    assert "scan.las" in err
+    (tmp_path / "scan.dxf").write_text("LASF")
+    err = refused(command, tmp_path, pair[0], tmp_path / "scan.dxf", *INTRINSICS)
+    assert "scan.dxf" in err
     assert ".ply, .pcd" in err
 
 
@@ -458,7 +486,7 @@ def test_a_source_without_a_grid_where_the_method_needs_one(command, clouds, tmp
     assert "organised" in err
 
 
-@pytest.mark.parametrize("name", ["aligned.las", "none/aligned.ply", "source.png"])
+@pytest.mark.parametrize("name", ["aligned.dxf", "none/aligned.ply", "source.png"])
 def test_an_output_that_cannot_be_is_refused_before_the_work(
     command, pair, tmp_path, name, monkeypatch
 ):

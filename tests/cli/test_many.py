@@ -250,6 +250,7 @@ def test_no_two_rows_of_the_table_look_the_same(
         (["scans", "scans/target.ply", "--table", "old.txt"], "is not a table of this command"),
         (["scans", "scans/nobody.ply"], "nobody.ply: no such file"),
         (["empty", "scans/target.ply"], "is a directory in which no file ends in"),
+        (["scans", "scans/target.ply", "--html", "a.html"], "is for one pair alone"),
         (["scans"], "expected SOURCE and TARGET"),
         (["scans", "scans/target.ply", "--pairs", "old.txt"], "not both"),
         (["--pairs", "old.txt"], "has 1 entries"),

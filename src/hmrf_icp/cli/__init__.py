@@ -26,6 +26,7 @@ from hmrf_icp.cli.evaluate import evaluate
 from hmrf_icp.cli.loudness import is_quiet, one_command
 from hmrf_icp.cli.register import register
 from hmrf_icp.cli.report import report
+from hmrf_icp.cli.view import view
 from hmrf_icp.errors import HmrfIcpError, RegistrationWarning, interruptible
 
 BAD_INPUT = 2
@@ -84,6 +85,7 @@ app = typer.Typer(
 # One line a command, in the order in which --help lists them.
 app.command()(demo)
 app.command()(register)
+app.command()(view)
 app.command()(animate)
 app.command()(evaluate)
 app.command()(report)

@@ -9,16 +9,16 @@ import typer
 
 from hmrf_icp import presets
 from hmrf_icp.cli import completion
-from hmrf_icp.cli.loudness import Quiet, Verbose, say
-from hmrf_icp.cli.register import (
+from hmrf_icp.cli.inputs import (
     NOT_BELIEVED,
-    _arguments_named,
-    _lens,
-    _position,
-    _read,
-    _require_positive,
-    _seen_from,
+    arguments_named,
+    lens_of,
+    position,
+    read_input,
+    require_positive,
+    seen_from,
 )
+from hmrf_icp.cli.loudness import Quiet, Verbose, say
 from hmrf_icp.errors import InputError
 
 if TYPE_CHECKING:
@@ -167,13 +167,13 @@ def animate(
     from hmrf_icp.registration import register
 
     method = presets.method(preset, rejector, aligner)
-    _require_positive("--depth-scale", depth_scale, "units per metre")
-    _require_positive("--max-depth", max_depth, "metres")
+    require_positive("--depth-scale", depth_scale, "units per metre")
+    require_positive("--max-depth", max_depth, "metres")
     pixels = read_size(size)
     check_numbers(fps, pixels, seconds)
-    lens = _lens(camera, intrinsics)
+    lens = lens_of(camera, intrinsics)
     looked = viewpoint in (None, "auto", "none")
-    stood = None if looked or viewpoint is None else _position("--viewpoint", viewpoint)
+    stood = None if looked or viewpoint is None else position("--viewpoint", viewpoint)
     if search not in ("auto", "near", "everywhere"):
         raise InputError(f"--search: unknown {search!r}, expected auto, near or everywhere")
     start = None if init is None else read_pose(init)
@@ -191,12 +191,12 @@ def animate(
             bar(iteration)
 
         bar.stage("Reading")
-        moving, _ = _read(source, lens, depth_scale, max_depth)
-        staying, _ = _read(target, lens, depth_scale, max_depth)
+        moving, _ = read_input(source, lens, depth_scale, max_depth)
+        staying, _ = read_input(target, lens, depth_scale, max_depth)
         if stood is not None:
-            moving, staying = _seen_from(stood, moving), _seen_from(stood, staying)
+            moving, staying = seen_from(stood, moving), seen_from(stood, staying)
         bar.stage("Registering", total=most_iterations(method))
-        named_arguments = _arguments_named({"source": source, "target": target, "init": init})
+        named_arguments = arguments_named({"source": source, "target": target, "init": init})
         with named_arguments, told_of_compiling(bar):
             result = register(
                 moving,
