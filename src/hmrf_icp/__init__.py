@@ -16,6 +16,7 @@ from hmrf_icp.field.general import MarkovField
 from hmrf_icp.field.paper import HiddenMarkovRandomField
 from hmrf_icp.io import read_camera, read_cloud, read_depth, write_cloud
 from hmrf_icp.loop.align import PointToPoint
+from hmrf_icp.loop.colour import Coloured
 from hmrf_icp.loop.criteria import Criteria, RelativeCriteria
 from hmrf_icp.loop.degeneracy import FreeMotion
 from hmrf_icp.loop.icp import Iteration, Method
@@ -34,6 +35,7 @@ __version__ = "0.2.0"
 __all__ = [
     "X84",
     "CoarseToFine",
+    "Coloured",
     "Criteria",
     "DistortedCamera",
     "Distortion",

@@ -70,14 +70,15 @@ def evaluate(
             metavar="NAMES",
             show_default="all",
             autocompletion=_complete_methods,
-            help="Of this package: hmrf, all, percent, sigma, x84, dynamic, and presets.",
+            help="Of this package: hmrf, all, percent, sigma, x84, dynamic, presets, and "
+            "colour, which needs clouds with colours.",
         ),
     ] = None,
     peers: Annotated[
         list[str] | None,
         typer.Option(
             metavar="NAMES",
-            show_default="all that are installed",
+            show_default="all that are installed and need no colours",
             autocompletion=_complete_peers,
             help="Of others: a family (gicp, o3d-plane, ...), one setting (gicp@0.1), or none.",
         ),

@@ -192,6 +192,15 @@ def register(
             f"one of: {', '.join(presets.aligner_names())}.",
         ),
     ] = None,
+    colour: Annotated[
+        bool,
+        typer.Option(
+            "--colour",
+            rich_help_panel=_METHOD,
+            help="Take the colours (or intensities) of both clouds as evidence too, beside the "
+            "aligner's measure: texture holds what slides along itself, such as a wall.",
+        ),
+    ] = False,
     num_threads: Annotated[
         int | None,
         typer.Option(
@@ -310,8 +319,9 @@ def register(
     method = presets.preset(preset)
     if rejector is not None:
         presets.rejector(rejector)
-    if aligner is not None:
-        presets.aligner(aligner)
+    metric = None if aligner is None else presets.aligner(aligner)
+    if colour:
+        metric = presets.coloured(aligner)
     require_positive("--depth-scale", depth_scale, "units per metre")
     require_positive("--max-depth", max_depth, "metres")
     lens = lens_of(camera, intrinsics)
@@ -320,7 +330,7 @@ def register(
     if search not in ("auto", "near", "everywhere"):
         raise InputError(f"--search: unknown {search!r}, expected auto, near or everywhere")
     start = None if init is None else read_pose(init)
-    chosen = {"preset": preset, "rejector": rejector, "aligner": aligner}
+    chosen = {"preset": preset, "rejector": rejector, "aligner": aligner, "colour": colour}
     asked = asked_for(sources or [], target, pairs, init, table)
     if not isinstance(asked, Pair):
         from hmrf_icp.cli.many import Many, refuse_for_many
@@ -341,7 +351,7 @@ def register(
             Many(
                 asked,
                 read,
-                presets.method(preset, rejector, aligner),
+                presets.method(preset, rejector, metric),
                 None if viewpoint == "none" else "auto",
                 cast("Where", search),
                 num_threads,
@@ -388,7 +398,7 @@ def register(
                     start,
                     preset=method,
                     rejector=None if rejector is None else presets.rejector(rejector),
-                    aligner=None if aligner is None else presets.aligner(aligner),
+                    aligner=metric,
                     viewpoint=None if viewpoint == "none" else "auto",
                     search=cast("Where", search),
                     num_threads=num_threads,
