@@ -270,11 +270,11 @@ class Many:
                 say(f"{option}: {place}", err=self.as_json)
 
 
-def refuse_for_many(options: Mapping[str, Any]) -> None:
+def refuse_for_many(**options: Any) -> None:
     """Refuse the options that are for one pair alone; None is not given."""
-    given = [option for option, value in options.items() if value is not None]
+    given = [name.replace("_", "-") for name, value in options.items() if value is not None]
     if given:
-        raise InputError(f"{given[0]}: is for one pair alone, leave it out or give one SOURCE")
+        raise InputError(f"--{given[0]}: is for one pair alone, leave it out or give one SOURCE")
 
 
 @contextmanager
