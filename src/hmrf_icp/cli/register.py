@@ -29,6 +29,7 @@ if TYPE_CHECKING:
     from hmrf_icp.view.story import Story
 
 _DEPTH = "Depth maps"
+_SURE = "Confidence of depths"
 _CLOUDS = "Clouds"
 _MANY = "Many pairs"
 _METHOD = "Method"
@@ -106,21 +107,21 @@ def register(
         Path | None,
         typer.Option(
             metavar="FILE",
-            rich_help_panel=_DEPTH,
+            rich_help_panel=_SURE,
             help="How sure each pixel of SOURCE is, as ARKit writes it: an image of its size.",
         ),
     ] = None,
     target_confidence: Annotated[
         Path | None,
         typer.Option(
-            metavar="FILE", rich_help_panel=_DEPTH, help="The same for the pixels of TARGET."
+            metavar="FILE", rich_help_panel=_SURE, help="The same for the pixels of TARGET."
         ),
     ] = None,
     min_confidence: Annotated[
         float,
         typer.Option(
             metavar="LEVEL",
-            rich_help_panel=_DEPTH,
+            rich_help_panel=_SURE,
             help="Leave out depths that are less sure: 1 is ARKit's medium, 2 its high.",
         ),
     ] = 1,
@@ -333,7 +334,10 @@ def register(
     chosen = {"preset": preset, "rejector": rejector, "aligner": aligner, "colour": colour}
     asked = asked_for(sources or [], target, pairs, init, table)
     if not isinstance(asked, Pair):
-        from hmrf_icp.cli.many import Many
+        from hmrf_icp.cli.many import Many, refuse_for_many
+
+        sure_of = source_confidence or target_confidence
+        refuse_for_many(html=html, rrd=rrd, view=view or None, source_confidence=sure_of)
 
         for option, one in (("--view", view), ("--html", html), ("--rrd", rrd)):
             if one:
@@ -343,7 +347,8 @@ def register(
             cloud, _ = read_input(path, lens, depth_scale, max_depth, samples)
             return cloud if stood is None else seen_from(stood, cloud)
 
-        depth = {"depth-scale": depth_scale, "max-depth": max_depth, "intrinsics": intrinsics}
+        depth = {"camera": camera, "intrinsics": intrinsics, "depth-scale": depth_scale}
+        read_as = {"max-depth": max_depth, "samples": samples, "viewpoint": viewpoint}
         raise typer.Exit(
             Many(
                 asked,
@@ -355,7 +360,7 @@ def register(
                 folders=Outputs(output, pose, figure),
                 table=table,
                 inputs=[file for file in (camera, pairs) if file],
-                settings=chosen | depth | {"camera": camera, "viewpoint": viewpoint},
+                settings=chosen | depth | read_as,
                 as_json=as_json,
                 profile=profile,
             ).run()

@@ -45,7 +45,7 @@ def view(**arguments: Any) -> None:
         from hmrf_icp.view.evaluation import EvaluationPages
 
         for name, value in arguments.items():
-            if name != "port" and value != _DEFAULTS[name]:
+            if name not in ("port", "quiet", "verbose") and value != _DEFAULTS[name]:
                 raise InputError(
                     f"--{name.replace('_', '-')}: has no meaning for the folder of an "
                     "evaluation; leave it out"
