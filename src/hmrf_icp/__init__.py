@@ -3,6 +3,8 @@
 from hmrf_icp import presets
 from hmrf_icp.clouds.camera import PinholeCamera
 from hmrf_icp.clouds.cloud import PointCloud
+from hmrf_icp.clouds.distorted_camera import DistortedCamera
+from hmrf_icp.clouds.distortion import Distortion
 from hmrf_icp.clouds.prepared import PreparedCloud, prepare
 from hmrf_icp.errors import (
     HmrfIcpError,
@@ -35,6 +37,8 @@ __all__ = [
     "CoarseToFine",
     "Coloured",
     "Criteria",
+    "DistortedCamera",
+    "Distortion",
     "Dynamic",
     "FreeMotion",
     "HiddenMarkovRandomField",

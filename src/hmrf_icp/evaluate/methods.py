@@ -93,6 +93,15 @@ def _own(name: str, preset: str, rejector: str | None, aligner: str | None = Non
     return NamedMethod(name, register)
 
 
+def preset_of(name: str) -> tuple[str, str | None] | None:
+    """Return preset and rejector of a method of the package's own; None of any other."""
+    from hmrf_icp import presets
+
+    if name in PAPER_METHODS:
+        return "paper", name
+    return (name, None) if name in presets.names() else None
+
+
 def own_methods() -> dict[str, NamedMethod]:
     """Return the package's own by name: the paper's six, other presets, the default with colour."""
     from hmrf_icp import presets
