@@ -39,8 +39,11 @@ def test_every_decision_is_there_once_and_breaks_into_code(script):
 def test_the_tests_that_should_notice_exist(script):
     for _, _, one in script.chosen([], 0, 0):
         assert one.tests
-        missing = [test for test in one.tests if not (ROOT / "tests" / test).exists()]
-        assert not missing, f"{one.name}: {missing}"
+        for test in one.tests:
+            file, _, name = test.partition("::")
+            assert (ROOT / "tests" / file).exists(), f"{one.name}: {file}"
+            told = (ROOT / "tests" / file).read_text(encoding="utf-8")
+            assert f"def {name}" in told, f"{one.name}: {test}"
 
 
 def test_a_text_that_is_gone_is_said_to_be(script):

@@ -14,7 +14,7 @@ from hmrf_icp.loop.match import Matches
 @pytest.mark.parametrize("precision", ["double", "single"])
 def test_a_field_in_which_all_agree_for_certain_has_numbers(precision):
     image = PointCloud(np.random.default_rng(0).uniform(size=(12, 12, 3)))
-    field = HiddenMarkovRandomField(beta=200.0, outliers=0.0, precision=precision)
+    field = HiddenMarkovRandomField(beta=200.0, outliers=0.005, precision=precision)
     reject = field.prepare(PreparedCloud(image), PreparedCloud(image))
     distance = np.random.default_rng(1).uniform(0.9, 1.1, 144)
     first = reject(Matches(np.arange(144), distance), None)

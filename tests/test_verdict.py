@@ -121,9 +121,12 @@ def test_the_start_and_the_pose_are_between_the_frames_given():
     )
 
 
-def test_correspondences_are_rows_of_the_clouds_given_and_the_closest_there_are(right):
-    result, _ = right
-    source, target = (frame(k).points.reshape(-1, 3) for k in (8, 0))
+def test_correspondences_are_rows_of_the_clouds_given_and_the_closest_there_are():
+    """Holes have rows too."""
+    clouds = [frame(k).points.copy() for k in (8, 0)]
+    clouds[0][:7, ::3] = clouds[1][5:20, 10:30] = np.nan
+    result, _ = heard(*(PointCloud(c, camera=CAMERA) for c in clouds), truth(8, 0))
+    source, target = (points.reshape(-1, 3) for points in clouds)
     rows, onto = result.correspondence_set.T
     gap = se3.transform(result.transformation, source[rows]) - target[onto]
     distance = np.linalg.norm(gap, axis=1)

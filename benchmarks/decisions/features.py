@@ -17,7 +17,7 @@ DECISIONS = (
         "search/everywhere.py",
         "    yield plane_hypotheses(first, second, MOST)[0]\n",
         "",
-        EVERYWHERE,
+        ("search/test_everywhere.py::test_each_kind_of_hypothesis_has_one_near_the_truth",),
     ),
     Decision(
         "features give no hypotheses",
@@ -25,7 +25,7 @@ DECISIONS = (
         "search/everywhere.py",
         "    yield hypotheses(*sides, True, MOST).poses\n",
         "",
-        EVERYWHERE,
+        ("search/test_everywhere.py::test_each_kind_of_hypothesis_has_one_near_the_truth",),
     ),
     Decision(
         "a guessed side is all there is",
@@ -49,7 +49,9 @@ DECISIONS = (
         "kernels/correlation.py",
         "both[1, k] = np.conj(moving[0, k]) * fixed[7, k] + np.conj(moving[7, k]) * fixed[0, k]",
         "both[1, k] = 0.0",
-        CORRELATION,
+        (
+            "search/test_correlation.py::test_of_two_places_that_agree_alike_the_one_that_leaves_empty_space_empty_comes_first",
+        ),
     ),
     Decision(
         "only the target's empty space is asked",
@@ -57,7 +59,9 @@ DECISIONS = (
         "kernels/correlation.py",
         "np.conj(moving[0, k]) * fixed[7, k] + np.conj(moving[7, k]) * fixed[0, k]",
         "np.conj(moving[0, k]) * fixed[7, k]",
-        CORRELATION,
+        (
+            "search/test_correlation.py::test_of_two_places_that_agree_alike_the_one_that_leaves_empty_space_empty_comes_first",
+        ),
     ),
     Decision(
         "backs agree with fronts in the correlation",
@@ -65,7 +69,7 @@ DECISIONS = (
         "kernels/correlation.py",
         "share[2], channel[2] = c * c, 5 if c > 0.0 else 6",
         "share[2], channel[2] = c * c, 5",
-        CORRELATION,
+        ("search/test_correlation.py::test_a_sheet_does_not_agree_with_its_back",),
     ),
     Decision(
         "surfaces at any angle agree without a sign",
@@ -73,7 +77,9 @@ DECISIONS = (
         "kernels/correlation.py",
         "share[0], share[1], share[2] = a * a - 1.0 / 3.0, b * b - 1.0 / 3.0, c * c - 1.0 / 3.0",
         "share[0], share[1], share[2] = a * a, b * b, c * c",
-        CORRELATION,
+        (
+            "search/test_correlation.py::test_surfaces_that_cross_have_nothing_in_common_where_sides_are_not_known",
+        ),
     ),
     Decision(
         "rays pass through the cells of points",
@@ -105,7 +111,7 @@ DECISIONS = (
         "kernels/correlation.py",
         "return min(max(0.5 * (before - after) / bend, -0.5), 0.5)",
         "return 0.0",
-        CORRELATION,
+        ("search/test_correlation.py::test_a_parabola_tells_where_between_cells_a_peak_is",),
     ),
     Decision(
         "neighbours of a peak are peaks",
@@ -113,7 +119,7 @@ DECISIONS = (
         "kernels/correlation.py",
         "                if there > here or (there == here and (a, b, c) < (0, 0, 0)):\n",
         "                if False:\n",
-        CORRELATION,
+        ("search/test_correlation.py::test_of_a_peak_the_highest_cell_alone_counts",),
     ),
     Decision(
         "the first rotations alone are looked at closely",
@@ -161,7 +167,9 @@ DECISIONS = (
         "search/orientations.py",
         "    cosine = at @ means.T\n    if not signed:\n        cosine = np.abs(cosine)\n",
         "    cosine = at @ means.T\n",
-        ROTATIONS,
+        (
+            "search/test_orientations.py::test_a_surface_turned_over_is_alike_where_sides_are_not_known_and_only_there",
+        ),
     ),
     Decision(
         "the lower half of the directions is the upper",
@@ -177,7 +185,7 @@ DECISIONS = (
         "search/features.py",
         "SCALES = (5.0, 10.0)\n",
         "SCALES = (5.0,)\n",
-        FEATURES,
+        ("search/test_features.py::test_features_look_at_two_radii",),
     ),
     Decision(
         "one thinning",
@@ -185,7 +193,10 @@ DECISIONS = (
         "search/hypotheses.py",
         "PLACES = (1700, 4000)\n",
         "PLACES = (1700,)\n",
-        FEATURES,
+        (
+            "search/test_features.py",
+            "search/test_hypotheses.py",
+        ),
     ),
     Decision(
         "features point to the simple histogram of the place alone",
@@ -193,7 +204,10 @@ DECISIONS = (
         "kernels/features.py",
         "w = reach / max(math.sqrt(dx * dx + dy * dy + dz * dz), 0.05 * reach)",
         "w = 1.0 if dx * dx + dy * dy + dz * dz < 1e-12 else 0.0",
-        FEATURES,
+        (
+            "search/test_features.py::test_the_features_of_a_place_are_nearest_to_its_own_seen_again_more_often_than_by_chance",
+            "search/test_hypotheses.py::test_histograms_do_not_know_the_frame",
+        ),
     ),
     Decision(
         "the angle about the normal is cut open",
@@ -201,7 +215,9 @@ DECISIONS = (
         "kernels/features.py",
         "(theta / math.pi + 1.0) * 0.5 * BINS, True)",
         "(theta / math.pi + 1.0) * 0.5 * BINS, False)",
-        FEATURES,
+        (
+            "search/test_features.py::test_a_histogram_changes_little_where_the_third_angle_goes_round",
+        ),
     ),
     Decision(
         "signs of normals cancel in a cell",
@@ -210,7 +226,9 @@ DECISIONS = (
         "            sign = 1.0 if cosine >= 0.0 else -1.0\n            for axis in range(3):\n"
         "                facing",
         "            sign = 1.0\n            for axis in range(3):\n                facing",
-        FEATURES,
+        (
+            "search/test_hypotheses.py::test_thinning_keeps_one_point_a_cell_and_does_not_cancel_normals_without_a_sign",
+        ),
     ),
     Decision(
         "signs are not handed on",
@@ -218,7 +236,10 @@ DECISIONS = (
         "kernels/orientation.py",
         "            if cosine < 0.0:\n",
         "            if False:\n",
-        FEATURES,
+        (
+            "search/test_features.py::test_a_sign_is_handed_on_round_a_bend",
+            "search/test_features.py::test_parts_that_are_apart_both_face_the_middle",
+        ),
     ),
     Decision(
         "a part of the cloud faces any way",
@@ -226,7 +247,10 @@ DECISIONS = (
         "search/normal_signs.py",
         "np.where(majority[part] < 0.0, -1.0, 1.0)[:, None] * signed",
         "np.where(majority[part] < 0.0, 1.0, 1.0)[:, None] * signed",
-        FEATURES,
+        (
+            "search/test_features.py::test_parts_that_are_apart_both_face_the_middle",
+            "search/test_hypotheses.py::test_signs_on_a_sphere_all_face_its_middle",
+        ),
     ),
     Decision(
         "matches one way are as good as mutual ones",
@@ -234,7 +258,7 @@ DECISIONS = (
         "search/feature_matches.py",
         "order = np.lexsort((apart[first], ~mutual))[:most]",
         "order = np.argsort(apart[first])[:most]",
-        FEATURES,
+        ("search/test_features.py::test_mutual_matches_come_first_and_of_each_kind_the_closest",),
     ),
     Decision(
         "the matches that fit least come first",
@@ -242,7 +266,7 @@ DECISIONS = (
         "search/feature_matches.py",
         "order = np.lexsort((apart[first], ~mutual))[:most]",
         "order = np.lexsort((-apart[first], ~mutual))[:most]",
-        FEATURES,
+        ("search/test_features.py::test_mutual_matches_come_first_and_of_each_kind_the_closest",),
     ),
     Decision(
         "normals of matches need not fit",
@@ -250,7 +274,7 @@ DECISIONS = (
         "search/consistent_groups.py",
         "TURN = 0.3\n",
         "TURN = 3.0\n",
-        FEATURES,
+        ("search/test_features.py::test_places_that_fit_make_no_group_where_their_normals_do_not",),
     ),
     Decision(
         "places side by side make a group",
@@ -258,7 +282,7 @@ DECISIONS = (
         "kernels/consistency.py",
         "(left * left <= np.float32(4.0) * p * q) & (p >= least) & (q >= least)",
         "left * left <= np.float32(4.0) * p * q",
-        FEATURES,
+        ("search/test_hypotheses.py::test_right_matches_are_compatible_unless_they_are_close",),
     ),
     Decision(
         "distances need not fit",
@@ -266,7 +290,10 @@ DECISIONS = (
         "kernels/consistency.py",
         "(left * left <= np.float32(4.0) * p * q) & (p >= least) & (q >= least)",
         "(p >= least) & (q >= least)",
-        FEATURES,
+        (
+            "search/test_hypotheses.py::test_right_matches_are_compatible_unless_they_are_close",
+            "search/test_hypotheses.py::test_a_group_of_twelve_is_found_among_a_thousand_wrong_matches",
+        ),
     ),
     Decision(
         "a match is worth its edges",
@@ -274,7 +301,7 @@ DECISIONS = (
         "kernels/consistency.py",
         "out[i] += step * ones(bits[i, w] & bits[j, w])",
         "out[i] += step * ones(bits[i, w] & bits[i, w])",
-        FEATURES,
+        ("search/test_features.py::test_a_match_is_worth_its_triangles_and_not_its_edges",),
     ),
     Decision(
         "members of a group need not fit each other",
@@ -282,7 +309,9 @@ DECISIONS = (
         "kernels/consistency.py",
         "                common[w] &= bits[chosen, w]\n",
         "                common[w] &= ~np.uint64(0)\n",
-        FEATURES,
+        (
+            "search/test_features.py::test_the_members_of_a_group_all_fit_each_other_and_groups_spread",
+        ),
     ),
     Decision(
         "one group is grown a thousand times",
@@ -290,7 +319,9 @@ DECISIONS = (
         "kernels/consistency.py",
         "        if member[seed] >= often:\n            continue\n",
         "",
-        FEATURES,
+        (
+            "search/test_features.py::test_the_members_of_a_group_all_fit_each_other_and_groups_spread",
+        ),
     ),
     Decision(
         "a group's motion is that of its first members",
@@ -299,7 +330,7 @@ DECISIONS = (
         "        for _ in range(2):\n            count = inliers(",
         "        for _ in range(1):\n            worth[s] = count\n            break\n"
         "            count = inliers(",
-        FEATURES,
+        ("search/test_features.py::test_the_motion_of_a_group_is_that_of_all_it_explains",),
     ),
     Decision(
         "ten copies of a hypothesis are ten",
@@ -307,7 +338,7 @@ DECISIONS = (
         "search/hypotheses.py",
         "return np.asarray(distinct(placed(poses, corners), order, apart, count))",
         "return np.asarray(order[:count])",
-        FEATURES,
+        ("search/test_features.py::test_ten_copies_of_a_hypothesis_are_one",),
     ),
     Decision(
         "hypotheses do not settle on the surfaces",
@@ -315,7 +346,7 @@ DECISIONS = (
         "search/hypotheses.py",
         "    poses = agreement.settled(poses)\n",
         "",
-        FEATURES,
+        ("search/test_features.py::test_the_likeliest_hypothesis_has_settled_on_the_surfaces",),
     ),
     Decision(
         "a hypothesis is scored by its matches alone",
@@ -323,7 +354,9 @@ DECISIONS = (
         "search/surface_agreement.py",
         "return np.asarray(np.log(explained + 1.0) + np.log(agree + 0.01))",
         "return np.asarray(np.log(explained + 1.0) + 0.0 * agree)",
-        FEATURES,
+        (
+            "search/test_features.py::test_a_hypothesis_is_scored_by_how_surfaces_agree_and_by_how_many_matches_it_explains",
+        ),
     ),
     Decision(
         "a hypothesis is scored by surfaces alone",
@@ -331,6 +364,8 @@ DECISIONS = (
         "search/surface_agreement.py",
         "return np.asarray(np.log(explained + 1.0) + np.log(agree + 0.01))",
         "return np.asarray(np.log(agree + 0.01))",
-        FEATURES,
+        (
+            "search/test_features.py::test_a_hypothesis_is_scored_by_how_surfaces_agree_and_by_how_many_matches_it_explains",
+        ),
     ),
 )

@@ -14,7 +14,7 @@ DECISIONS = (
         "search/coarse_to_fine.py",
         "    finalists: int = 6\n",
         "    finalists: int = 1\n",
-        SEARCH,
+        ("search/test_search_parts.py::test_the_given_start_is_a_candidate_beside_six",),
     ),
     Decision(
         "the start is not turned",
@@ -22,7 +22,7 @@ DECISIONS = (
         "search/coarse_to_fine.py",
         "    turn: float = math.radians(40.0)\n",
         "    turn: float = math.radians(0.0)\n",
-        SEARCH,
+        ("search/test_search.py::test_a_start_far_turned_is_found_by_its_turns",),
     ),
     Decision(
         "the start is turned about the origin",
@@ -46,7 +46,9 @@ DECISIONS = (
         "search/search.py",
         "        if self._near:\n            yield shifts\n            return\n",
         "        if self._near:\n            return\n",
-        SEARCH,
+        (
+            "search/test_search.py::test_a_start_from_which_no_turn_leads_there_is_found_by_the_wider_search",
+        ),
     ),
     Decision(
         "shifts go one way",
@@ -62,7 +64,7 @@ DECISIONS = (
         "search/search.py",
         "                yield Starts(poses, 1, 2 * self._plan.finalists, True)\n",
         "                pass\n",
-        ("search/test_everywhere.py", "search/test_search.py"),
+        ("search/test_everywhere.py::test_a_view_from_anywhere_is_registered_without_a_start",),
     ),
     Decision(
         "near a start poses from everywhere follow too",
@@ -70,7 +72,7 @@ DECISIONS = (
         "search/search.py",
         "        if self._near:\n            yield shifts\n            return\n",
         "        if False:\n            return\n",
-        ("search/test_search.py", "search/test_everywhere.py"),
+        ("search/test_everywhere.py::test_near_a_start_the_pose_is_not_looked_for_elsewhere",),
     ),
     Decision(
         "what does not convince ends the search",
@@ -78,7 +80,9 @@ DECISIONS = (
         "search/coarse_to_fine.py",
         "CONVINCED, CONVINCED_UNSEEN = 0.5, 0.9",
         "CONVINCED, CONVINCED_UNSEEN = 0.0, 0.9",
-        SEARCH,
+        (
+            "search/test_search_parts.py::test_the_search_goes_on_until_it_is_convinced_and_without_free_space_for_longer",
+        ),
     ),
     Decision(
         "without free space less convinces",
@@ -86,7 +90,9 @@ DECISIONS = (
         "search/coarse_to_fine.py",
         "CONVINCED, CONVINCED_UNSEEN = 0.5, 0.9",
         "CONVINCED, CONVINCED_UNSEEN = 0.5, 0.0",
-        SEARCH,
+        (
+            "search/test_search_parts.py::test_the_search_goes_on_until_it_is_convinced_and_without_free_space_for_longer",
+        ),
     ),
     Decision(
         "nothing convinces",
@@ -94,7 +100,9 @@ DECISIONS = (
         "search/coarse_to_fine.py",
         "            if end.confidence >= (CONVINCED",
         "            if end.confidence >= 2.0 * (CONVINCED",
-        SEARCH,
+        (
+            "search/test_search_parts.py::test_the_search_goes_on_until_it_is_convinced_and_without_free_space_for_longer",
+        ),
     ),
     Decision(
         "places are not assumed",
@@ -102,7 +110,7 @@ DECISIONS = (
         "search/coarse_to_fine.py",
         "return cloud.viewed if self.assume_viewpoints else cloud",
         "return cloud",
-        ("test_robust.py", "clouds/test_assumed_viewpoint.py"),
+        ("clouds/test_assumed_viewpoint.py",),
     ),
     Decision(
         "the prior falls as slowly near a start as from nowhere",
@@ -110,7 +118,9 @@ DECISIONS = (
         "search/search.py",
         "fall = FALL if near else FALL_ANYWHERE",
         "fall = FALL_ANYWHERE",
-        SEARCH,
+        (
+            "search/test_search_parts.py::test_near_a_start_a_pose_far_from_it_is_unlikely_and_from_nowhere_hardly_less_likely",
+        ),
     ),
     Decision(
         "from nowhere the identity is as good as a start",
@@ -118,7 +128,9 @@ DECISIONS = (
         "search/search.py",
         "fall = FALL if near else FALL_ANYWHERE",
         "fall = FALL",
-        SEARCH,
+        (
+            "search/test_search_parts.py::test_near_a_start_a_pose_far_from_it_is_unlikely_and_from_nowhere_hardly_less_likely",
+        ),
     ),
     Decision(
         "the start says nothing",
@@ -126,7 +138,7 @@ DECISIONS = (
         "search/start_prior.py",
         "return -0.5 * self.fall * math.log1p((far / NEAR) ** 2)",
         "return 0.0 * far",
-        ("search/test_start_prior.py", *SEARCH),
+        ("search/test_start_prior.py",),
     ),
     Decision(
         "a turn about the origin is a shift",
@@ -142,7 +154,10 @@ DECISIONS = (
         "search/search.py",
         "        if last.weakest >= NOISE_ALONE:\n",
         "        if True:\n",
-        ("test_robust.py",),
+        (
+            "search/test_search_parts.py",
+            "test_robust.py::test_a_bare_wall_is_not_slid_along",
+        ),
     ),
     Decision(
         "the likeliest pose along what is free is where it was",
@@ -150,7 +165,7 @@ DECISIONS = (
         "search/start_prior.py",
         "            pose = se3.exp(by @ free) @ pose\n",
         "            pose = se3.exp(0.0 * by @ free) @ pose\n",
-        ("search/test_start_prior.py", "test_robust.py"),
+        ("search/test_start_prior.py",),
     ),
     Decision(
         "going back is never too dear",
@@ -158,7 +173,9 @@ DECISIONS = (
         "search/search.py",
         "return back if back.log_posterior >= end.log_posterior - RETURN_MARGIN else end",
         "return back",
-        (*SEARCH, "test_degeneracy.py"),
+        (
+            "search/test_search_parts.py::test_going_back_along_what_is_free_is_given_up_where_evidence_is_against_it",
+        ),
     ),
     Decision(
         "the start has no place among the candidates",
@@ -166,7 +183,7 @@ DECISIONS = (
         "search/search.py",
         "        return [start, *found] if first else found\n",
         "        return found\n",
-        SEARCH,
+        ("search/test_search_parts.py::test_the_given_start_is_a_candidate_beside_six",),
     ),
     Decision(
         "the start is registered from the widest scale alone",
@@ -182,7 +199,7 @@ DECISIONS = (
         "search/search.py",
         "            (log_posterior, starts.most - by_order),\n",
         "            (-np.arange(len(poses), dtype=np.float64), starts.most - by_order),\n",
-        SEARCH,
+        ("search/test_search_parts.py::test_the_candidates_are_those_for_which_most_speaks",),
     ),
     Decision(
         "hypotheses have no order of their own",
@@ -190,7 +207,9 @@ DECISIONS = (
         "search/search.py",
         "by_order = starts.most // 3 if starts.ordered else 0",
         "by_order = 0",
-        ("search/test_everywhere.py", "search/test_search.py"),
+        (
+            "search/test_everywhere.py::test_a_hypothesis_that_comes_first_is_tried_whatever_a_thousand_points_say",
+        ),
     ),
     Decision(
         "ten copies of a pose are ten candidates",
@@ -206,7 +225,9 @@ DECISIONS = (
         "search/search.py",
         "            if log_posterior < best - PRUNE_MARGIN:\n                break\n",
         "",
-        SEARCH,
+        (
+            "search/test_search_parts.py::test_candidates_far_less_likely_than_an_end_are_not_tried_and_the_likeliest_goes_first",
+        ),
     ),
     Decision(
         "the worst candidate first",
@@ -214,7 +235,9 @@ DECISIONS = (
         "search/search.py",
         "sorted(candidates, key=lambda one: -one.log_posterior)",
         "sorted(candidates, key=lambda one: one.log_posterior)",
-        SEARCH,
+        (
+            "search/test_search_parts.py::test_candidates_far_less_likely_than_an_end_are_not_tried_and_the_likeliest_goes_first",
+        ),
     ),
     Decision(
         "the likeliest on few points is returned",
@@ -223,7 +246,9 @@ DECISIONS = (
         "            self._best = refined if self._best is None else"
         " likeliest([self._best, refined])\n",
         "            self._best = refined\n",
-        SEARCH,
+        (
+            "search/test_search_parts.py::test_the_end_for_which_most_speaks_is_chosen_and_the_next_tried_while_it_is_likelier",
+        ),
     ),
     Decision(
         "the first end is the answer",
@@ -231,7 +256,9 @@ DECISIONS = (
         "search/search.py",
         "return max(ends, key=lambda end: end.log_posterior)",
         "return ends[0]",
-        SEARCH,
+        (
+            "search/test_search_parts.py::test_the_end_for_which_most_speaks_is_chosen_and_the_next_tried_while_it_is_likelier",
+        ),
     ),
     Decision(
         "what ends worse than it began is returned",
@@ -239,7 +266,7 @@ DECISIONS = (
         "search/search.py",
         "        return there if there.log_posterior > least else end\n",
         "        return end\n",
-        SEARCH,
+        ("test_robust.py::test_what_ends_less_likely_than_it_began_is_not_returned",),
     ),
     Decision(
         "last steps that make it worse are kept",
@@ -247,15 +274,15 @@ DECISIONS = (
         "search/search.py",
         "        return end if worse else polished\n",
         "        return polished\n",
-        SEARCH,
+        ("search/test_search_parts.py::test_last_steps_that_lead_away_are_not_taken",),
     ),
     Decision(
         "the confidence has the start in it",
         "the prior has no part in the confidence",
         "search/search.py",
-        "return log_odds(self.visibility, self.loop.weakest) + self.prior",
-        "return log_odds(self.visibility, self.loop.weakest) + 3.0 * self.prior",
-        SEARCH,
+        "return confidence(self.visibility, self.loop.weakest)",
+        "return confidence(self.visibility, self.loop.weakest) * math.exp(0.1 * self.prior)",
+        ("search/test_search_parts.py::test_the_start_has_no_part_in_the_confidence",),
     ),
     Decision(
         "finalists run to the end",
@@ -263,7 +290,9 @@ DECISIONS = (
         "search/search.py",
         "self._rough(pose, self._on_iteration, SHORT)",
         "self._rough(pose, self._on_iteration, 1)",
-        SEARCH,
+        (
+            "search/test_search_parts.py::test_candidates_far_less_likely_than_an_end_are_not_tried_and_the_likeliest_goes_first",
+        ),
     ),
     Decision(
         "candidates are tried on all points",
@@ -271,7 +300,9 @@ DECISIONS = (
         "search/search.py",
         "few = self._source.downsampled(plan.points // FEWER)",
         "few = self._source",
-        SEARCH,
+        (
+            "search/test_search_parts.py::test_the_loop_sees_a_part_of_large_clouds_and_finalists_a_part_of_that",
+        ),
     ),
     Decision(
         "clouds are never thinned",
@@ -279,7 +310,9 @@ DECISIONS = (
         "search/search.py",
         "(cloud.downsampled(plan.points) for cloud in (source, target))",
         "(cloud for cloud in (source, target))",
-        SEARCH,
+        (
+            "search/test_search_parts.py::test_the_loop_sees_a_part_of_large_clouds_and_finalists_a_part_of_that",
+        ),
     ),
     Decision(
         "quick registration matches backs with fronts",
@@ -287,7 +320,7 @@ DECISIONS = (
         "kernels/candidates.py",
         "                    if cosine < 0.0 and not signed:\n",
         "                    if cosine < 0.0:\n",
-        ANNEAL,
+        ("search/test_candidates.py::test_backs_are_not_laid_on_fronts",),
     ),
     Decision(
         "quick registration weighs all matches alike",
@@ -303,7 +336,9 @@ DECISIONS = (
         "kernels/candidates.py",
         "                    weight *= cosine * cosine\n",
         "",
-        ANNEAL,
+        (
+            "search/test_search.py::test_a_start_from_which_no_turn_leads_there_is_found_by_the_wider_search",
+        ),
     ),
     Decision(
         "quick registration slides along planes",
@@ -311,7 +346,7 @@ DECISIONS = (
         "kernels/candidates.py",
         "                    w = ANCHOR * weight\n",
         "                    w = 0.0 * weight\n",
-        ANNEAL,
+        ("search/test_candidates.py::test_along_what_is_free_a_start_does_not_go_far",),
     ),
     Decision(
         "quick registration has one scale",
@@ -319,6 +354,8 @@ DECISIONS = (
         "search/candidates.py",
         "            self._scales[first:],\n",
         "            self._scales[first : first + 1],\n",
-        ANNEAL,
+        (
+            "search/test_search.py::test_a_start_from_which_no_turn_leads_there_is_found_by_the_wider_search",
+        ),
     ),
 )

@@ -5,6 +5,7 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
+import shapes
 from hmrf_icp import PointCloud, PreparedCloud, presets, se3
 from hmrf_icp.search.candidates import Annealer, distinct, shifted, turned
 from shapes import CAMERA
@@ -93,12 +94,18 @@ def test_backs_are_not_laid_on_fronts():
     np.testing.assert_allclose(ends[0], behind, atol=1e-9)
 
 
-def test_a_bare_wall_is_not_slid_along():
-    board = wall(0, 0)
-    start = se3.rigid(np.eye(3), [0.1, 0.05, 0.05])
-    (end,) = annealer(board, board)(start[None])
-    assert abs(end[2, 3]) < 0.01
-    assert np.linalg.norm(end[:2, 3]) < 0.12
+@pytest.mark.parametrize("shape", [shapes.wall, shapes.cylinder])
+def test_along_what_is_free_a_start_does_not_go_far(shape):
+    """Exact surfaces hold nothing along themselves: rounding would say where to go."""
+    rng = np.random.default_rng(0)
+    source, target = (shapes.seen(shape, rng, 1e-4) for _ in range(2))
+    starts = [
+        se3.exp(np.repeat([0.05, 0.1], 3) * np.random.default_rng(k).standard_normal(6))
+        for k in range(12)
+    ]
+    ends = annealer(source, target)(np.array(starts))
+    went = [off(end, start, source) for end, start in zip(ends, starts, strict=True)]
+    assert max(went) < 0.4
 
 
 def test_what_only_the_target_has_does_not_pull():
