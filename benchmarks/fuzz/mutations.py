@@ -100,6 +100,10 @@ def restructured(rng: random.Random, suffix: str, data: bytes, others: Sequence[
         if rng.random() < 0.5:
             return _with_checksums(mutated(rng, data, others))
         return _repacked_image(rng, data, others)
+    if suffix == ".e57":
+        return _with_pages(mutated(rng, _without_pages(data), others))
+    if suffix == ".glb":
+        return _with_lengths(mutated(rng, data[20:], others), data)
     return mutated(rng, data, others)
 
 
@@ -210,6 +214,52 @@ MUTATIONS: tuple[Mutation, ...] = (
     _line,
     _ends,
 )
+
+
+def _without_pages(data: bytes) -> bytes:
+    """Take the checksums out of an E57 file."""
+    return b"".join(data[at : at + 1020] for at in range(0, len(data), 1024))
+
+
+def _with_pages(data: bytes) -> bytes:
+    """Put the right checksums into an E57 file, and the right length in front."""
+    data += bytes(-len(data) % 1020)
+    pages = [data[at : at + 1020] for at in range(0, len(data), 1020)]
+    if pages:
+        length = struct.pack("<Q", 1024 * len(pages))
+        pages[0] = pages[0][:16] + length + pages[0][24:]
+    return b"".join(page + struct.pack(">I", _crc32c(page)) for page in pages)
+
+
+def _crc32c(data: bytes) -> int:
+    """Castagnoli's checksum, which no library of Python's own has."""
+    value = 0xFFFFFFFF
+    for byte in data:
+        value = _CRC[(value ^ byte) & 0xFF] ^ value >> 8
+    return value ^ 0xFFFFFFFF
+
+
+def _crc_table() -> list[int]:
+    table = []
+    for byte in range(256):
+        value = byte
+        for _ in range(8):
+            value = value >> 1 ^ (0x82F63B78 if value & 1 else 0)
+        table.append(value)
+    return table
+
+
+_CRC = _crc_table()
+
+
+def _with_lengths(content: bytes, whole: bytes) -> bytes:
+    """Put the lengths that it has in front of a mutated GLB, which is split where it was."""
+    (described,) = struct.unpack_from("<I", whole, 12)
+    start = content.find(b"BIN\0") - 4
+    if start > 0:
+        described = start
+    head = struct.pack("<4sIII4s", b"glTF", 2, 20 + len(content), described, b"JSON")
+    return head + content
 
 
 def _archive(rng: random.Random, data: bytes, others: Sequence[bytes]) -> bytes:

@@ -45,12 +45,12 @@ KEPT = 5
 # ---- The process that reads --------------------------------------------------------------------
 
 
-def child(seed: int, first: int, count: int, folder: Path) -> None:
+def child(seed: int, first: int, count: int, folder: Path, kinds: list[str]) -> None:
     """Read inputs, and keep a file that says which one, and what has come of the others."""
     resource.setrlimit(resource.RLIMIT_AS, (MEMORY, MEMORY))
     from inputs import Inputs
 
-    inputs = Inputs(seed, folder)
+    inputs = Inputs(seed, folder, kinds)
     tally: dict[str, dict[str, int]] = {}
     findings: dict[str, list[int]] = {}
     warned: list[str] = []
@@ -121,6 +121,7 @@ def _memory_disk() -> str | None:
 def _batch(state: dict[str, Any], first: int, count: int, folder: Path) -> None:
     command = [sys.executable, __file__, "--child", str(first), "--count", str(count)]
     command += ["--seed", str(state["seed"]), "--folder", str(folder)]
+    command += ["--kinds", ",".join(state["kinds"])] if state["kinds"] else []
     one_thread = {"OMP_NUM_THREADS": "1", "OPENBLAS_NUM_THREADS": "1"}
     # libtiff says on stderr what it thinks of a file.
     process = subprocess.Popen(command, env={**os.environ, **one_thread}, stderr=subprocess.DEVNULL)
@@ -152,7 +153,7 @@ def _batch(state: dict[str, Any], first: int, count: int, folder: Path) -> None:
     from inputs import Inputs
 
     with tempfile.TemporaryDirectory() as name:
-        kind, _, _ = Inputs(state["seed"], Path(name)).chosen(at)
+        kind, _, _ = Inputs(state["seed"], Path(name), state["kinds"]).chosen(at)
     _add(state, {"tally": {kind: {what: 1}}, "findings": {f"{kind}: {what}": [at]}})
     # Those between the last save and the one that killed are read again, without it.
     if at > state["next"]:
@@ -216,25 +217,29 @@ def main() -> int:
     parser.add_argument("--seed", type=int, default=1)
     parser.add_argument("--state", type=Path, help="file to go on from, and to keep it in")
     parser.add_argument("--show", type=int, metavar="N", help="read input N here")
+    parser.add_argument(
+        "--kinds", type=lambda text: text.split(","), default=[], help="of these alone: las,laz"
+    )
     parser.add_argument("--child", type=int, help=argparse.SUPPRESS)
     parser.add_argument("--folder", type=Path, help=argparse.SUPPRESS)
     asked = parser.parse_args()
     if asked.child is not None:
-        child(asked.seed, asked.child, asked.count, asked.folder)
+        child(asked.seed, asked.child, asked.count, asked.folder, asked.kinds)
         return 0
     if asked.show is not None:
         from inputs import Inputs
 
         folder = Path(tempfile.mkdtemp())
-        print(folder, *Inputs(asked.seed, folder).read(asked.show))
+        print(folder, *Inputs(asked.seed, folder, asked.kinds).read(asked.show))
         return 0
     # Asked to end, it takes the process that reads with it.
     signal.signal(signal.SIGTERM, lambda *_: sys.exit(128 + signal.SIGTERM))
     state = {"seed": asked.seed, "next": 0, "seconds": 0.0, "tally": {}, "findings": {}}
+    state["kinds"] = asked.kinds
     if asked.state is not None and asked.state.exists():
         state = json.loads(asked.state.read_text())
-        if state["seed"] != asked.seed:
-            parser.error(f"{asked.state} is of seed {state['seed']}")
+        if (state["seed"], state.setdefault("kinds", [])) != (asked.seed, asked.kinds):
+            parser.error(f"{asked.state} is of seed {state['seed']} and kinds {state['kinds']}")
     watch(state, asked.count, lambda: asked.state and _save(asked.state, state))
     print(table(state))
     return 1 if state["findings"] else 0

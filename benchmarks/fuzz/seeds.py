@@ -6,6 +6,7 @@ import io
 import json
 import struct
 import tempfile
+from importlib.util import find_spec
 from pathlib import Path
 
 import numpy as np
@@ -13,6 +14,9 @@ from PIL import Image
 
 from hmrf_icp import PinholeCamera, PointCloud, se3
 from hmrf_icp.io import write_cloud
+
+_NEEDED = {".las": "laspy", ".laz": "lazrs", ".e57": "pye57"}
+"""Libraries without which these are left out."""
 
 RNG = np.random.default_rng(5)
 WIDTH, HEIGHT = 8, 6
@@ -80,8 +84,16 @@ def files() -> dict[str, tuple[str, bytes]]:
         "camera": ("camera", _matrix(CAMERA.matrix)),
         "camera-json": ("camera", json.dumps(camera_json()).encode()),
     }
+    found |= cameras()
+    found |= meshes()
     with tempfile.TemporaryDirectory() as folder:
+        found |= images(Path(folder))
         for name, suffix, cloud in (
+            ("las", ".las", CLOUD),
+            ("laz", ".laz", CLOUD),
+            ("e57", ".e57", CLOUD),
+            ("obj-points", ".obj", CLOUD),
+            ("pts", ".pts", CLOUD),
             ("ply", ".ply", CLOUD),
             ("pcd", ".pcd", CLOUD),
             ("pcd-grid", ".pcd", GRID),
@@ -91,9 +103,117 @@ def files() -> dict[str, tuple[str, bytes]]:
             ("npz-grid", ".npz", GRID),
         ):
             path = Path(folder) / f"c{suffix}"
+            if _NEEDED.get(suffix) and not find_spec(_NEEDED[suffix]):
+                continue
             write_cloud(path, cloud)
             found[name] = (suffix, path.read_bytes())
     return found
+
+
+def cameras() -> dict[str, tuple[str, bytes]]:
+    """Cameras as recorders write them, by the name of their kind."""
+    numbers = [0.1, -0.2, 0.001, 0.002, 0.05]
+    realsense = {"width": 8, "height": 6, "ppx": 3.5, "ppy": 2.5, "fx": 8.0, "fy": 8.0}
+    realsense |= {"model": "distortion.inverse_brown_conrady", "coeffs": numbers}
+    depth = {
+        "Intrinsics": {
+            "ModelParameters": [0.5, 0.5, 0.5, 0.5, *numbers, 0.1, 0, 0, 1e-4, 1e-4],
+            "ModelType": "CALIBRATION_LensDistortionModelBrownConrady",
+        },
+        "Location": "CALIBRATION_CameraLocationD0",
+        "MetricRadius": 1.74,
+    }
+    ros = (
+        "image_width: 8\nimage_height: 6\ncamera_matrix:\n  rows: 3\n  cols: 3\n"
+        "  data: [8.0, 0.0, 3.5, 0.0, 8.0, 2.5, 0.0, 0.0, 1.0]\ndistortion_model: plumb_bob\n"
+        f"distortion_coefficients:\n  rows: 1\n  cols: 5\n  data: {numbers}\nroi: {{x_offset: 0}}\n"
+    )
+    kinect = {"CalibrationInformation": {"Cameras": [depth]}}
+    found = {
+        "camera-realsense": ("camera", json.dumps(realsense).encode()),
+        "camera-kinect": ("camera", json.dumps(kinect).encode()),
+    }
+    return found | ({"camera-ros": ("camera", ros.encode())} if find_spec("yaml") else {})
+
+
+def meshes() -> dict[str, tuple[str, bytes]]:
+    """Tetrahedra in every format of meshes."""
+    corners = np.array([[0.0, 0, 0], [1, 0, 0], [0, 1, 0], [0, 0, 1]])
+    faces = np.array([[0, 2, 1], [0, 1, 3], [1, 2, 3], [2, 0, 3]])
+    obj = "".join(f"v {x} {y} {z} 1 0.5 0\n" for x, y, z in corners)
+    obj += "vn 0 0 1\nvt 0 0\n" + "".join(f"f {a}//1 {b}//1 {c}//1\n" for a, b, c in faces + 1)
+    text = "solid made\n"
+    for face in faces:
+        text += "facet normal 0 0 0\nouter loop\n"
+        text += "".join(f"vertex {x} {y} {z}\n" for x, y, z in corners[face])
+        text += "endloop\nendfacet\n"
+    binary = bytes(80) + struct.pack("<I", 4)
+    for face in faces:
+        binary += struct.pack("<12fH", 0, 0, 0, *corners[face].ravel(), 0)
+    ply = (
+        "ply\nformat ascii 1.0\nelement vertex 4\nproperty float x\nproperty float y\n"
+        "property float z\nproperty uchar red\nelement face 4\n"
+        "property list uchar int vertex_indices\nend_header\n"
+    )
+    ply += "".join(f"{x} {y} {z} 7\n" for x, y, z in corners)
+    ply += "".join(f"3 {a} {b} {c}\n" for a, b, c in faces)
+    drawn = {
+        "obj": (".obj", obj.encode()),
+        "stl-text": (".stl", (text + "endsolid made\n").encode()),
+        "stl": (".stl", binary),
+        "glb": (".glb", _glb(corners, faces)),
+    }
+    return (drawn if find_spec("trimesh") else {}) | {
+        "ply-mesh": (".ply", ply.encode()),
+        "bin": (".bin", np.c_[POINTS, POINTS[:, 0]].astype("<f4").tobytes()),
+        "asc": (
+            ".asc",
+            b"//X Y Z R G B Nx Ny Nz\n" + b"".join(_line([*p, 1, 2, 3, *p]) for p in POINTS),
+        ),
+    }
+
+
+def images(folder: Path) -> dict[str, tuple[str, bytes]]:
+    """Depth maps in EXR, in two of its ways to pack them."""
+    if not find_spec("OpenEXR"):
+        return {}
+    import OpenEXR
+
+    found = {}
+    for name, packed, channels in (
+        ("exr", OpenEXR.ZIP_COMPRESSION, {"Z": DEPTH.astype(np.float32)}),
+        ("exr-piz", OpenEXR.PIZ_COMPRESSION, {"Z": DEPTH.astype(np.float16), "A": DEPTH * 1.0}),
+        ("exr-plain", OpenEXR.NO_COMPRESSION, {"depth.V": DEPTH.astype(np.float32)}),
+    ):
+        header = {"compression": packed, "type": OpenEXR.scanlineimage}
+        channels = {n: v.astype(np.float32) if v.itemsize > 4 else v for n, v in channels.items()}
+        with OpenEXR.File(header, channels) as file:
+            file.write(str(folder / "d.exr"))
+        found[name] = (".exr", (folder / "d.exr").read_bytes())
+    return found
+
+
+def _glb(corners: np.ndarray, faces: np.ndarray) -> bytes:
+    blob = corners.astype("<f4").tobytes() + faces.astype("<u2").tobytes()
+    tree = {
+        "asset": {"version": "2.0"},
+        "scenes": [{"nodes": [0]}],
+        "nodes": [{"children": [1]}, {"mesh": 0, "scale": [1, 2, 1]}],
+        "meshes": [{"primitives": [{"attributes": {"POSITION": 0}, "indices": 1}]}],
+        "accessors": [
+            {"bufferView": 0, "componentType": 5126, "count": 4, "type": "VEC3"},
+            {"bufferView": 1, "componentType": 5123, "count": 12, "type": "SCALAR"},
+        ],
+        "bufferViews": [
+            {"buffer": 0, "byteOffset": 0, "byteLength": 48},
+            {"buffer": 0, "byteOffset": 48, "byteLength": 24},
+        ],
+        "buffers": [{"byteLength": len(blob)}],
+    }
+    text = json.dumps(tree).encode()
+    text += b" " * (-len(text) % 4)
+    body = struct.pack("<I4s", len(text), b"JSON") + text + struct.pack("<I4s", len(blob), b"BIN\0")
+    return b"glTF" + struct.pack("<II", 2, 12 + len(body) + len(blob)) + body + blob
 
 
 def camera_json() -> dict[str, object]:

@@ -3,6 +3,8 @@
 from hmrf_icp import presets
 from hmrf_icp.clouds.camera import PinholeCamera
 from hmrf_icp.clouds.cloud import PointCloud
+from hmrf_icp.clouds.distorted_camera import DistortedCamera
+from hmrf_icp.clouds.distortion import Distortion
 from hmrf_icp.clouds.prepared import PreparedCloud, prepare
 from hmrf_icp.errors import (
     HmrfIcpError,
@@ -14,6 +16,7 @@ from hmrf_icp.field.general import MarkovField
 from hmrf_icp.field.paper import HiddenMarkovRandomField
 from hmrf_icp.io import read_camera, read_cloud, read_depth, write_cloud
 from hmrf_icp.loop.align import PointToPoint
+from hmrf_icp.loop.colour import Coloured
 from hmrf_icp.loop.criteria import Criteria, RelativeCriteria
 from hmrf_icp.loop.degeneracy import FreeMotion
 from hmrf_icp.loop.icp import Iteration, Method
@@ -32,7 +35,10 @@ __version__ = "0.2.0"
 __all__ = [
     "X84",
     "CoarseToFine",
+    "Coloured",
     "Criteria",
+    "DistortedCamera",
+    "Distortion",
     "Dynamic",
     "FreeMotion",
     "HiddenMarkovRandomField",

@@ -70,7 +70,7 @@ def test_two_depth_maps(command, pair):
     assert "converged after" in out
     assert "overlap" in out
     assert "transformation, source to target:" in out
-    assert err == ""
+    assert not [line for line in err.splitlines() if "compiling" not in line]
 
 
 def test_json_is_one_strict_object_and_nothing_else(command, clouds):
@@ -101,6 +101,28 @@ def test_json_is_one_strict_object_and_nothing_else(command, clouds):
     assert 0 <= content["overlap"] <= 1
     assert content["preset"] == presets.DEFAULT
     assert "transformation, source to target" in err, "what is for people stands on stderr"
+
+
+def test_a_profile_is_a_table_and_a_list_in_json(command, clouds):
+    _, out, _ = command("register", *clouds, "--profile")
+    head, *rows = out[out.index("  stage") :].splitlines()
+    assert head.split() == ["stage", "own", "time", "share", "calls"]
+    shares = [float(row.rpartition("%")[0].split()[-1]) for row in rows if "%" in row]
+    assert sum(shares) == pytest.approx(100.0, abs=0.1 * len(shares))
+
+    _, out, _ = command("register", *clouds, "--profile", "--json")
+    content = json.loads(out)["profile"]
+    result = hmrf_icp.register(*map(read_cloud, clouds), profile=True)
+    assert {stage["name"]: stage["calls"] for stage in content} == {
+        stage.name: stage.calls for stage in result.profile
+    }
+    assert all(stage["seconds"] >= 0 for stage in content)
+
+
+def test_without_asking_there_is_no_profile(command, clouds):
+    _, out, err = command("register", *clouds, "--json")
+    assert "profile" not in json.loads(out)
+    assert "own time" not in err
 
 
 def test_json_says_what_the_library_says(command, clouds):
@@ -438,6 +460,34 @@ def test_intrinsics_for_another_image_size(command, pair, tmp_path):
     assert "48 x 36" in err
 
 
+def test_depths_that_the_phone_is_not_sure_of_are_left_out(command, pair, tmp_path):
+    sure = np.ones((36, 48), np.uint8)
+    sure[:, :12] = 0
+    Image.fromarray(sure).save(tmp_path / "sure.png")
+    masks = ("--source-confidence", tmp_path / "sure.png")
+    status, out, err = command(
+        "register", *pair, *INTRINSICS, *masks, "--output", tmp_path / "a.npy"
+    )
+    assert status == 0, out + err
+    assert np.isnan(np.load(tmp_path / "a.npy")[:, :12]).all()
+    none = ("--target-confidence", tmp_path / "sure.png", "--min-confidence", "2")
+    assert "0 observed points" in refused(command, tmp_path, *pair, *INTRINSICS, *none)
+
+
+def test_a_drawing_is_sampled_as_asked(command, tmp_path):
+    """A crooked roof: two squares of two triangles, and a third."""
+    corners = np.array([[0, 0, 0], [1, 0, 0.2], [0, 1, 0.3], [1, 1, 0.1], [0.4, 0.3, 1.0]])
+    faces = ["3 0 1 4", "3 1 3 4", "3 3 2 4", "3 2 0 4"]
+    header = "ply\nformat ascii 1.0\nelement vertex 5\nproperty float x\nproperty float y\n"
+    header += "property float z\nelement face 4\nproperty list uchar int vertex_indices\nend_header"
+    rows = [" ".join(map(str, corner)) for corner in corners]
+    (tmp_path / "roof.ply").write_text("\n".join([header, *rows, *faces, ""]))
+    write_cloud(tmp_path / "scan.ply", read_cloud(tmp_path / "roof.ply", samples=1500))
+    asked = ("--samples", "1200", "--output", tmp_path / "a.npy")
+    command("register", tmp_path / "roof.ply", tmp_path / "scan.ply", "--search", "near", *asked)
+    assert np.load(tmp_path / "a.npy").shape == (1200, 3)
+
+
 def test_a_start_that_is_not_rigid(command, pair, tmp_path):
     np.savetxt(tmp_path / "scaled.txt", np.diag([2.0, 2, 2, 1]))
     err = refused(command, tmp_path, *pair, *INTRINSICS, "--init", tmp_path / "scaled.txt")
@@ -446,9 +496,9 @@ def test_a_start_that_is_not_rigid(command, pair, tmp_path):
 
 
 def test_unknown_kind_of_input_lists_the_known(command, pair, tmp_path):
-    (tmp_path / "scan.las").write_text("LASF")
-    err = refused(command, tmp_path, pair[0], tmp_path / "scan.las", *INTRINSICS)
-    assert "scan.las" in err
+    (tmp_path / "scan.dxf").write_text("LASF")
+    err = refused(command, tmp_path, pair[0], tmp_path / "scan.dxf", *INTRINSICS)
+    assert "scan.dxf" in err
     assert ".ply, .pcd" in err
 
 
@@ -458,7 +508,7 @@ def test_a_source_without_a_grid_where_the_method_needs_one(command, clouds, tmp
     assert "organised" in err
 
 
-@pytest.mark.parametrize("name", ["aligned.las", "none/aligned.ply", "source.png"])
+@pytest.mark.parametrize("name", ["aligned.dxf", "none/aligned.ply", "source.png"])
 def test_an_output_that_cannot_be_is_refused_before_the_work(
     command, pair, tmp_path, name, monkeypatch
 ):
@@ -610,3 +660,36 @@ def test_a_name_that_is_no_text_is_shown_all_the_same(clouds, tmp_path):
     )
     assert run.returncode == 0
     assert b"scan_\\udcff.pcd to target.ply" in run.stdout
+
+
+def test_colour_is_taken_as_evidence_and_missed_where_there_is_none(command, tmp_path):
+    rng = np.random.default_rng(0)
+    slide = np.array([0.03, 0.0, 0.0])
+    files = []
+    for name, motion in (("source", slide), ("target", np.zeros(3))):
+        x, y = rng.uniform(-0.5, 0.5, (2, 2000))
+        points = np.stack([x, y, rng.normal(0.0, 0.002, 2000)], axis=1) - motion
+        bright = 0.5 + 0.2 * np.sin(9.0 * x + 2.0 * y) + 0.2 * np.cos(11.0 * y - 3.0 * x)
+        value = np.rint(255.0 * bright).astype(np.uint8)
+        colours = dict.fromkeys(("red", "green", "blue"), value)
+        files.append(tmp_path / f"{name}.ply")
+        write_cloud(files[-1], PointCloud(points, attributes=colours))
+    options = ("--preset", "paper", "--rejector", "all", "--json")
+    status, out, _ = command(
+        "register", *files, *options, "--aligner", "point-to-plane", "--colour"
+    )
+    found = json.loads(out)
+    assert found["colour"] is True
+    assert found["transformation"][0][3] == pytest.approx(0.03, abs=0.004)
+    assert found["degenerate"] == []
+    bare = tmp_path / "bare.xyz"
+    write_cloud(bare, PointCloud(points))
+    status, _, error = command("register", bare, files[1], *options, "--colour")
+    assert status == 2
+    assert "no colours" in error
+    assert "bare.xyz" in error
+    status, _, error = command(
+        "register", *files, *options, "--aligner", "point-to-point", "--colour"
+    )
+    assert status == 2
+    assert "looks at surfaces" in error

@@ -130,7 +130,7 @@ def test_a_file_in_place_of_a_folder(tmp_path):
         existing_file(tmp_path / "file" / "pose.txt")
 
 
-@pytest.mark.parametrize("name", ["scan.las", "scan", "picture.jpg"])
+@pytest.mark.parametrize("name", ["scan.dxf", "scan", "picture.jpg"])
 def test_unknown_suffix_lists_the_known(tmp_path, name):
     (tmp_path / name).write_text("content")
     for suffix in READABLE:

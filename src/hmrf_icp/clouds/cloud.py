@@ -12,7 +12,9 @@ import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
 from hmrf_icp.clouds.camera import PinholeCamera
-from hmrf_icp.clouds.conversion import as_camera, depth_map, parts_of
+from hmrf_icp.clouds.conversion import as_camera, as_pinhole, depth_map, parts_of
+from hmrf_icp.clouds.depth import in_metres
+from hmrf_icp.clouds.distorted_camera import DistortedCamera
 from hmrf_icp.clouds.nothing import MIXED, at_place, nothing
 from hmrf_icp.clouds.per_point import Attributes, normals_for
 from hmrf_icp.errors import InputError
@@ -29,9 +31,6 @@ LARGEST_COORDINATE = 1e12
 SMALLEST_SIZE = 1e-30
 """A cloud that spreads over less, metres, is no measurement, and its squares have no digits left.
 """
-
-SATURATED = 65535
-"""The value that 16-bit depth recorders write for "too far", beside 0 for "nothing seen"."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -87,7 +86,7 @@ class PointCloud:
         if self.normals is None:
             object.__setattr__(self, "normals", normals)
         if self.camera is not None:
-            object.__setattr__(self, "camera", as_camera(self.camera, points.shape[:-1]))
+            object.__setattr__(self, "camera", as_pinhole(self.camera, points.shape[:-1]))
             self._check_camera(self.camera)
             object.__setattr__(self, "viewpoint", np.zeros(3))
         elif self.viewpoint is not None:
@@ -140,7 +139,8 @@ class PointCloud:
             and, in 16-bit maps, 65535 are unobserved.
         camera
             Its intrinsics, for the same size: a :class:`PinholeCamera`, a matrix K (3, 3), or
-            Open3D's ``PinholeCameraIntrinsic``.
+            Open3D's ``PinholeCameraIntrinsic``. The map of a :class:`DistortedCamera` is
+            resampled into an ideal camera's, which may be of another size.
         depth_scale
             Units of the map per metre. None means 1000 for integers
             (millimetres, what sensors write) and 1 for floating point (metres).
@@ -155,31 +155,10 @@ class PointCloud:
         """
         raw = depth_map(depth)
         lens = as_camera(camera, raw.shape)
-        if raw.dtype.kind not in "iuf":
-            raise InputError(f"depth: expected integers or floating point, got {raw.dtype}")
-        if raw.dtype.itemsize == 1:
-            raise InputError(
-                f"depth: {raw.dtype} holds 256 values, too few for a depth map; "
-                "expected 16-bit integers or floating point (a colour image given by mistake?)"
-            )
-        if depth_scale is None:
-            depth_scale = 1.0 if raw.dtype.kind == "f" else 1000.0
-        if not math.isfinite(depth_scale) or depth_scale <= 0:
-            raise InputError(
-                f"depth_scale: expected a positive number of units per metre, got {depth_scale:g}"
-            )
-        if max_depth is not None and not max_depth > 0:
-            raise InputError(f"max_depth: expected a positive number of metres, got {max_depth:g}")
-        with np.errstate(invalid="ignore"):
-            metres = raw.astype(np.float64)
-        unobserved = ~(np.isfinite(metres) & (metres > 0))
-        if raw.dtype == np.uint16:
-            unobserved |= raw == SATURATED
-        metres /= depth_scale
-        if max_depth is not None:
-            unobserved |= metres > max_depth
-        metres[unobserved] = np.nan
-        return cls(lens.unproject(metres), lens)
+        metres, notes = in_metres(raw, depth_scale, max_depth)
+        if isinstance(lens, DistortedCamera):
+            metres, lens = lens.rectified(metres)
+        return cls(lens.unproject(metres), lens, notes=notes)
 
     @property
     def organised(self) -> bool:
@@ -217,9 +196,12 @@ class PointCloud:
         return laid
 
     def derived(
-        self, points: NDArray[np.float64], viewpoint: NDArray[np.float64] | None
+        self,
+        points: NDArray[np.float64],
+        viewpoint: NDArray[np.float64] | None,
+        attributes: Mapping[str, NDArray[Any]] | None = None,
     ) -> PointCloud:
-        """Return a cloud of some or all of its points, moved or not, without what is beside them.
+        """Return a cloud of some or all of its points, moved or not, without its normals.
 
         What stands for nothing was left out before: every point that is given stays one, also
         at the viewpoint, which may be assumed.
@@ -229,7 +211,8 @@ class PointCloud:
             if array is not None:
                 array.flags.writeable = False
         values: dict[str, Any] = {"points": points, "viewpoint": viewpoint, "notes": self.notes}
-        values |= {"camera": None, "normals": None, "attributes": Attributes({}, points.shape[:-1])}
+        values |= {"camera": None, "normals": None}
+        values["attributes"] = Attributes.of(attributes or {}, points.shape[:-1])
         for name, value in values.items():
             object.__setattr__(cloud, name, value)
         return cloud

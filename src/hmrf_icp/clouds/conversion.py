@@ -9,6 +9,8 @@ import numpy as np
 from numpy.typing import NDArray
 
 from hmrf_icp.clouds.camera import PinholeCamera
+from hmrf_icp.clouds.distorted_camera import Camera, DistortedCamera
+from hmrf_icp.clouds.las_dimensions import las_dimensions
 from hmrf_icp.clouds.per_point import beside_points
 from hmrf_icp.errors import InputError
 
@@ -51,7 +53,7 @@ def parts_of(given: Any) -> Parts:
         return _of_tensors(given)
     if _is_laspy(given):
         # Its .points are whole numbers that wait for a scale; .xyz has metres.
-        return Parts(_coordinates(np.asarray(given.xyz)))
+        return Parts(_coordinates(np.asarray(given.xyz)), *las_dimensions(given))
     points = getattr(given, "points", None)
     if callable(points):  # small_gicp's answer a call, with homogeneous points
         points = _called(points, given)
@@ -225,7 +227,7 @@ def depth_map(given: Any) -> NDArray[Any]:
     return array
 
 
-def as_camera(given: Any, shape: tuple[int, ...]) -> PinholeCamera:
+def as_camera(given: Any, shape: tuple[int, ...]) -> Camera:
     """Take a camera: one, Open3D's PinholeCameraIntrinsic, or a matrix K (3, 3).
 
     Parameters
@@ -240,8 +242,24 @@ def as_camera(given: Any, shape: tuple[int, ...]) -> PinholeCamera:
     InputError
         Nothing of the kind.
     """
+    return given if isinstance(given, DistortedCamera) else as_pinhole(given, shape)
+
+
+def as_pinhole(given: Any, shape: tuple[int, ...]) -> PinholeCamera:
+    """Take a camera without distortion, as `as_camera` does.
+
+    Raises
+    ------
+    InputError
+        Nothing of the kind.
+    """
     if isinstance(given, PinholeCamera):
         return given
+    if isinstance(given, DistortedCamera):
+        raise InputError(
+            "camera: a DistortedCamera, whose pixels are no pinhole's; make the cloud of its depth "
+            "map with PointCloud.from_depth"
+        )
     matrix = getattr(given, "intrinsic_matrix", None)
     if matrix is not None:
         return PinholeCamera.from_matrix(matrix, int(given.width), int(given.height))

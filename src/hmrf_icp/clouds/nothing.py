@@ -139,12 +139,15 @@ def at_place(points: Array, place: Array) -> Mask:
 
 def _shell(points: Array, viewpoint: Array) -> tuple[float, Mask | None]:
     """Find the range that stands for "too far": a sphere about the sensor, and nothing near it."""
-    reach = np.linalg.norm(points - viewpoint, axis=-1)
+    with np.errstate(over="ignore"):
+        reach = np.linalg.norm(points - viewpoint, axis=-1)
     observed = ~np.isnan(reach)
     count = int(np.count_nonzero(observed))
     if count < 2 * FEWEST:
         return 0.0, None
     far = float(reach[observed].max())
+    if far == np.inf:
+        return 0.0, None
     here = reach >= far * (1.0 - SHELL)
     many = int(np.count_nonzero(here))
     beside = int(np.count_nonzero(reach >= far * (1.0 - 1000.0 * SHELL))) - many

@@ -7,7 +7,7 @@ from collections import Counter
 from collections.abc import Iterable
 from pathlib import Path
 
-from hmrf_icp.clouds.camera import PinholeCamera
+from hmrf_icp.clouds.distorted_camera import Camera
 from hmrf_icp.errors import InputError
 
 CAMERA_FILES = (
@@ -98,7 +98,7 @@ def image_size(path: Path) -> tuple[int, int]:
     return width, height
 
 
-def camera_from_file(path: Path, depth: Path) -> PinholeCamera:
+def camera_from_file(path: Path, depth: Path) -> Camera:
     """Read the camera of a depth map.
 
     Raises

@@ -2,13 +2,16 @@
 
 from __future__ import annotations
 
+from collections.abc import Callable
 from dataclasses import dataclass
+from functools import partial
 from pathlib import Path
 
 import numpy as np
 
 from hmrf_icp.clouds.camera import PinholeCamera
 from hmrf_icp.clouds.cloud import PointCloud
+from hmrf_icp.clouds.distorted_camera import Camera
 from hmrf_icp.datasets.folders import (
     camera_from_file,
     files_in,
@@ -152,7 +155,7 @@ def _calibration(folder: Path) -> Path:
     return folder / "calib.txt"
 
 
-def _scans(folder: Path, first: Path) -> tuple[_ScanMaker, PinholeCamera]:
+def _scans(folder: Path, first: Path) -> tuple[Callable[[Path], Scan], Camera]:
     """How to make scans of files, and the camera."""
     if _calibration(folder).is_file():
         camera, kind, a, b = read_calibration(_calibration(folder))
@@ -164,16 +167,16 @@ def _scans(folder: Path, first: Path) -> tuple[_ScanMaker, PinholeCamera]:
             f"{folder}: no calib.txt and no intrinsics file for depth maps of {size[0]} x "
             f"{size[1]} pixels; put K as a 3 x 3 matrix into camera-intrinsics.txt there"
         )
-    camera = camera_from_file(file, first)
-    return _ScanMaker(camera), camera
+    lens = camera_from_file(file, first)
+    return partial(DepthMap, camera=lens, depth_scale=DEPTH_SCALE), lens
 
 
 @dataclass(frozen=True)
 class _ScanMaker:
     camera: PinholeCamera
-    kind: str = "affine"
-    a: float = 1.0 / DEPTH_SCALE
-    b: float = 0.0
+    kind: str
+    a: float
+    b: float
 
     def __call__(self, file: Path) -> Scan:
         if self.kind == "affine" and self.b == 0.0:

@@ -33,18 +33,10 @@ class VelodyneScan:
         InputError
             The file is missing, empty or cut short.
         """
-        from hmrf_icp.io.files import existing_file, reading
+        from hmrf_icp.io.files import existing_file
+        from hmrf_icp.io.velodyne import read_velodyne
 
-        file = existing_file(self.path)
-        size = file.stat().st_size
-        if size % 16:
-            raise InputError(
-                f"{file}: {size} bytes are not a whole number of points of 16 bytes (x, y, z, "
-                "reflectance as float32); the file is cut short or something else"
-            )
-        with reading(file, "a Velodyne scan"):
-            table = np.fromfile(file, dtype="<f4").reshape(-1, 4)
-        return PointCloud(table[:, :3], viewpoint=np.zeros(3))
+        return read_velodyne(existing_file(self.path))
 
 
 def open_kitti(folder: Path) -> Sequence:

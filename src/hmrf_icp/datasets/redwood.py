@@ -8,6 +8,7 @@ from pathlib import Path
 import numpy as np
 
 from hmrf_icp.clouds.camera import PinholeCamera
+from hmrf_icp.clouds.distorted_camera import Camera
 from hmrf_icp.datasets.folders import (
     camera_from_file,
     files_in,
@@ -97,7 +98,7 @@ def _index(head: Row) -> int:
     raise head.fail("three integers before a 4 x 4 matrix")
 
 
-def _camera(folder: Path, depth: Path) -> tuple[PinholeCamera, tuple[str, ...]]:
+def _camera(folder: Path, depth: Path) -> tuple[Camera, tuple[str, ...]]:
     file = find_camera_file(folder)
     if file is not None:
         return camera_from_file(file, depth), ()

@@ -9,8 +9,8 @@ from typing import Literal, Protocol, TypeAlias
 
 import numpy as np
 
-from hmrf_icp.clouds.camera import PinholeCamera
 from hmrf_icp.clouds.cloud import PointCloud
+from hmrf_icp.clouds.distorted_camera import Camera
 from hmrf_icp.errors import InputError
 from hmrf_icp.se3 import Array, as_rigid
 
@@ -46,7 +46,7 @@ class DepthMap:
     """
 
     path: Path
-    camera: PinholeCamera
+    camera: Camera
     depth_scale: float | None = None
 
     def load(self) -> PointCloud:
@@ -146,7 +146,7 @@ class Sequence:
     format: str
     frames: tuple[Frame, ...]
     sensor: Sensor
-    camera: PinholeCamera | None = None
+    camera: Camera | None = None
     source: Path | None = None
     notes: tuple[str, ...] = ()
 

@@ -5,6 +5,7 @@ from __future__ import annotations
 from pathlib import Path
 
 from hmrf_icp.clouds.camera import PinholeCamera
+from hmrf_icp.clouds.distorted_camera import Camera
 from hmrf_icp.datasets.folders import camera_from_file, files_in, find_camera_file, number_of
 from hmrf_icp.datasets.formats import Format
 from hmrf_icp.datasets.sequence import DepthMap, Frame, Sequence
@@ -42,7 +43,7 @@ def open_seven_scenes(folder: Path) -> Sequence:
         notes.append(f"{len(depth) - len(kept)} of {len(depth)} depth maps left out: no .pose.txt")
     file = find_camera_file(folder)
     if file is None:
-        camera = CAMERA
+        camera: Camera = CAMERA
         notes.append("no camera-intrinsics.txt: the 7-Scenes Kinect's 585, 585, 320, 240 used")
     else:
         camera = camera_from_file(file, next(iter(depth.values())))

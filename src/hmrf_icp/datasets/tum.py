@@ -9,6 +9,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from hmrf_icp.clouds.camera import PinholeCamera
+from hmrf_icp.clouds.distorted_camera import Camera
 from hmrf_icp.datasets.folders import camera_from_file, find_camera_file
 from hmrf_icp.datasets.formats import Format
 from hmrf_icp.datasets.poses import quaternion_pose
@@ -140,7 +141,7 @@ def _interpolate(times: Array, poses: Array, at: Array) -> list[Array]:
     return [rigid(r, t) for r, t in zip(rotations, positions, strict=True)]
 
 
-def _camera(folder: Path, depth: Path) -> PinholeCamera:
+def _camera(folder: Path, depth: Path) -> Camera:
     file = find_camera_file(folder)
     if file is not None:
         return camera_from_file(file, depth)

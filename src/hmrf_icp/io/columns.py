@@ -115,6 +115,21 @@ def packed_colours(columns: Mapping[str, NDArray[Any]]) -> Columns:
     return result
 
 
+def bytes_of_colours(columns: Mapping[str, NDArray[Any]]) -> Columns:
+    """Give colours that are whole numbers from 0 to 255 the type that says they are colours."""
+    result = dict(columns)
+    colours = [result.get(name) for name in RED_GREEN_BLUE]
+    if all(
+        each is not None
+        and each.dtype.kind in "iu"
+        and (not each.size or (each.min() >= 0 and each.max() <= 255))
+        for each in colours
+    ):
+        for name in RED_GREEN_BLUE:
+            result[name] = result[name].astype(np.uint8)
+    return result
+
+
 def storable(values: NDArray[Any]) -> NDArray[Any]:
     """Give numbers a type that PLY and PCD have: integers up to 32 bits, floats of 32 and 64."""
     kind, size = values.dtype.kind, values.dtype.itemsize

@@ -12,13 +12,14 @@ from numpy.typing import NDArray
 
 from hmrf_icp.errors import InputError
 from hmrf_icp.io.arrays import read_npy
+from hmrf_icp.io.exr import read_exr
 from hmrf_icp.io.files import check_suffix, existing_file, quietly, reading, require_bounded
 from hmrf_icp.io.pgm import read_pgm
 
 if TYPE_CHECKING:
     from PIL.ImageFile import ImageFile
 
-IMAGE_SUFFIXES = (".png", ".pgm", ".tif", ".tiff")
+IMAGE_SUFFIXES = (".png", ".pgm", ".tif", ".tiff", ".exr")
 """Files that can only be depth maps."""
 
 DEPTH_SUFFIXES = (*IMAGE_SUFFIXES, ".npy")
@@ -26,6 +27,9 @@ DEPTH_SUFFIXES = (*IMAGE_SUFFIXES, ".npy")
 
 MOST_PIXELS = 100_000_000
 """Images of more are taken for damaged: a few bytes can promise gigabytes."""
+
+MEDIUM = 1
+"""Confidence that a pixel must have, if none is asked for; ARKit's are 0, 1 and 2."""
 
 _PNG_START = b"\x89PNG\r\n\x1a\n"
 _PNG_END = b"IEND\xaeB`\x82"
@@ -43,13 +47,24 @@ _NOT_DEPTH = {
 }
 
 
-def read_depth(path: str | os.PathLike[str]) -> NDArray[Any]:
+def read_depth(
+    path: str | os.PathLike[str],
+    confidence: str | os.PathLike[str] | None = None,
+    min_confidence: float = MEDIUM,
+) -> NDArray[Any]:
     """Read a depth map as it stands in the file, without a unit.
 
     Parameters
     ----------
     path
-        16-bit PNG or PGM, TIFF (16-bit integers or 32-bit floating point) or NPY.
+        16-bit PNG or PGM, TIFF (16-bit integers or floating point of 32 or 64 bits), EXR (`pip
+        install 'hmrf-icp[exr]'`) or NPY.
+    confidence
+        An image or array of the same size that says how sure each depth is, as ARKit writes
+        beside its own: PNG, PGM, TIFF or NPY, of 8 bits too.
+    min_confidence
+        Depths whose confidence is less become 0, "nothing seen". The default is ARKit's medium;
+        2 is its high.
 
     Returns
     -------
@@ -59,9 +74,16 @@ def read_depth(path: str | os.PathLike[str]) -> NDArray[Any]:
     ------
     InputError
         The file is missing, empty, damaged or of an unknown kind, has 8 bits a
-        pixel or several channels.
+        pixel or several channels; the confidence is of another size.
     """
     file = existing_file(path)
+    depth = _read(file)
+    if confidence is None:
+        return depth
+    return confident(depth, read_confidence(confidence), min_confidence, str(confidence))
+
+
+def _read(file: Path) -> NDArray[Any]:
     suffix = check_suffix(file, DEPTH_SUFFIXES, "read a depth map from")
     if suffix == ".npy":
         depth = read_npy(file)
@@ -71,7 +93,50 @@ def read_depth(path: str | os.PathLike[str]) -> NDArray[Any]:
                 f"{depth.shape}"
             )
         return check_depth_type(file, depth)
+    if suffix == ".exr":
+        return read_exr(file)
     return read_pgm(file) if suffix == ".pgm" else _read_image(file)
+
+
+def read_confidence(path: str | os.PathLike[str]) -> NDArray[Any]:
+    """Read how sure each depth is, (H, W).
+
+    Raises
+    ------
+    InputError
+        The file is missing, damaged or of an unknown kind, or has several channels.
+    """
+    file = existing_file(path)
+    suffix = check_suffix(file, DEPTH_SUFFIXES, "read a confidence from")
+    if suffix == ".npy":
+        levels = read_npy(file)
+    elif suffix in (".pgm", ".exr"):
+        levels = read_pgm(file, eight=True) if suffix == ".pgm" else read_exr(file)
+    else:
+        levels = _read_image(file, eight=True)
+    if levels.ndim != 2:
+        raise InputError(f"{file}: expected one confidence a pixel, got shape {levels.shape}")
+    return levels
+
+
+def confident(
+    depth: NDArray[Any], levels: NDArray[Any], least: float, name: str = "confidence"
+) -> NDArray[Any]:
+    """Return the depths (H, W) whose level is ``least`` or more, and 0 for all others.
+
+    Raises
+    ------
+    InputError
+        The two are of different sizes.
+    """
+    if depth.shape != levels.shape:
+        (height, width), (rows, columns) = depth.shape, levels.shape
+        raise InputError(
+            f"{name}: {columns} x {rows} pixels, the depth map has {width} x {height}; expected "
+            "the confidence of each of its pixels"
+        )
+    with np.errstate(invalid="ignore"):
+        return np.where(levels >= least, depth, depth.dtype.type(0))
 
 
 def check_depth_type(path: Path, depth: NDArray[Any]) -> NDArray[Any]:
@@ -84,7 +149,7 @@ def check_depth_type(path: Path, depth: NDArray[Any]) -> NDArray[Any]:
     return depth
 
 
-def _read_image(path: Path) -> NDArray[Any]:
+def _read_image(path: Path, eight: bool = False) -> NDArray[Any]:
     # Opened by class and not by Image.open, whose limit on the size is a warning of the process.
     from PIL.PngImagePlugin import PngImageFile
     from PIL.TiffImagePlugin import TiffImageFile
@@ -98,11 +163,12 @@ def _read_image(path: Path) -> NDArray[Any]:
             # another library has told Pillow to put up with those.
             PngImageFile(io.BytesIO(data)).verify()
             # Some versions of Pillow widen to 32 bits, which would hide that 65535 is the end.
-            return _pixels(path, PngImageFile(io.BytesIO(data)), len(data)).astype(np.uint16)
+            pixels = _pixels(path, PngImageFile(io.BytesIO(data)), len(data), eight)
+            return pixels.astype(np.uint16)
         if data.startswith(_TIFF_STARTS):
             with quietly():
                 image = TiffImageFile(io.BytesIO(data))
-                pixels = _pixels(path, image, len(data))
+                pixels = _pixels(path, image, len(data), eight)
             if image.tag_v2.get(_PHOTOMETRIC) == _WHITE_IS_ZERO:
                 raise InputError(
                     f"{path}: a TIFF image whose zero is white holds distances upside down; write "
@@ -114,10 +180,10 @@ def _read_image(path: Path) -> NDArray[Any]:
         raise InputError(f"{path}: not a PNG or TIFF image, its first bytes are {data[:8]!r}")
 
 
-def _pixels(path: Path, image: ImageFile, size: int) -> NDArray[Any]:
-    """Decode an image out of ``size`` bytes, if it can be a depth map."""
+def _pixels(path: Path, image: ImageFile, size: int, eight: bool) -> NDArray[Any]:
+    """Decode an image out of ``size`` bytes, if it can be a depth map, or one of 8 bits."""
     bands = len(image.getbands())
-    if image.mode in _NOT_DEPTH or bands > 1:
+    if (image.mode in _NOT_DEPTH and not (eight and image.mode == "L")) or bands > 1:
         found = _NOT_DEPTH.get(image.mode, f"an image of {bands} channels ({image.mode})")
         raise InputError(
             f"{path}: {found}, expected one channel of depth: 16-bit integers or 32-bit "

@@ -1,4 +1,4 @@
-"""Depth maps in PGM, 16-bit binary (P5) and plain (P2).
+"""Depth maps in PGM, 16-bit binary (P5) and plain (P2), and how sure they are, of 8 bits.
 
 Read here and not with Pillow: it stretches samples to 0 ... 65535 whenever the
 header's largest value is smaller, as image formats for eyes may, and a map in
@@ -22,8 +22,8 @@ _HEADER = re.compile(
 )
 
 
-def read_pgm(path: Path) -> NDArray[np.uint16]:
-    """Read a PGM image of more than 8 bits, (H, W).
+def read_pgm(path: Path, eight: bool = False) -> NDArray[np.uint16]:
+    """Read a PGM image of more than 8 bits, or with ``eight`` of any number, (H, W).
 
     Raises
     ------
@@ -40,7 +40,7 @@ def read_pgm(path: Path) -> NDArray[np.uint16]:
                 f"found {data[:16]!r}"
             )
         width, height, maximum = (int(number) for number in header.groups()[1:])
-        if maximum < 256:
+        if maximum < 256 and not eight:
             raise InputError(
                 f"{path}: an 8-bit image (maximum {maximum}) is too coarse for depth, "
                 "expected 16 bits"
@@ -53,9 +53,10 @@ def read_pgm(path: Path) -> NDArray[np.uint16]:
         body = data[header.end() :]
         if header.group(1) == b"P5":
             # A line end that a writer put behind the last sample is no sample.
-            end = 2 * width * height
+            size = 2 if maximum > 255 else 1
+            end = size * width * height
             whole = body[:end] if body[end:].isspace() else body
-            samples: NDArray[np.integer] = np.frombuffer(whole, ">u2", len(whole) // 2)
+            samples: NDArray[np.integer] = np.frombuffer(whole, f">u{size}", len(whole) // size)
         else:
             samples = _plain_samples(path, body)
         if len(samples) < width * height:

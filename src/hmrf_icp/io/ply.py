@@ -27,19 +27,30 @@ from hmrf_icp.io.columns import (
     unpacked_colours,
 )
 from hmrf_icp.io.files import reading
+from hmrf_icp.io.mesh import cloud_of_mesh
 from hmrf_icp.io.ply_body import Column, read_columns
+from hmrf_icp.io.ply_faces import triangles
 from hmrf_icp.io.ply_header import TYPE_NAMES, Header, parse_header
 
 _CELLS = "vertex_indices"
+_FACES = ("vertex_indices", "vertex_index")
 _SHOWN = 20
 """Names in a message, at most."""
 
 
-def read_ply(path: Path) -> PointCloud:
-    """Read the vertices: x, y and z, and every other number of theirs; faces are stepped over.
+def read_ply(path: Path, samples: int | None = None) -> PointCloud:
+    """Read the vertices, x, y and z and every other number of theirs, or points on the faces.
 
     A range scan in the form of the Stanford archive (an element ``range_grid``
     that lists the vertex of each pixel) comes out organised.
+
+    Parameters
+    ----------
+    path
+        The file.
+    samples
+        Where there are faces: points that are spread over them, as `read_mesh` does. 0 takes the
+        vertices and steps over the faces.
 
     Raises
     ------
@@ -54,7 +65,10 @@ def read_ply(path: Path) -> PointCloud:
         single = frozenset(
             each.name for each in header.elements["vertex"].properties if each.length is None
         )
-        columns = read_columns(path, header, data, {"vertex": single, "range_grid": {_CELLS}})
+        wanted = {"vertex": single, "range_grid": {_CELLS}}
+        if samples != 0 and "range_grid" not in header.elements:
+            wanted["face"] = frozenset(_FACES)
+        columns = read_columns(path, header, data, wanted)
         points = np.empty((header.elements["vertex"].count, 3))
         rest = {name: column.values for name, column in columns["vertex"].items()}
         # A NaN that signals is as good as any other.
@@ -68,6 +82,10 @@ def read_ply(path: Path) -> PointCloud:
         if "range_grid" in columns:
             cells = columns["range_grid"].get(_CELLS)
             points, rest = _on_range_grid(path, header, cells, points, rest)
+        lists = next((columns["face"][n] for n in _FACES if n in columns.get("face", ())), None)
+        faces = np.empty((0, 3), np.int64) if lists is None else triangles(path, lists)
+        if len(faces):
+            return cloud_of_mesh(path, points, faces, rest, samples)
         return cloud_of(points, rest)
 
 

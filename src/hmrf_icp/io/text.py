@@ -1,4 +1,4 @@
-"""Clouds as text, a point a line: XYZ, XYZN, CSV, TXT."""
+"""Clouds as text, a point a line: XYZ, XYZN, ASC, PTS, CSV, TXT."""
 
 from __future__ import annotations
 
@@ -19,18 +19,22 @@ from hmrf_icp.io.columns import (
     PLY_NORMALS,
     Columns,
     Names,
+    bytes_of_colours,
     cloud_of,
     columns_of,
     one_number_a_column,
     unpacked_colours,
 )
 from hmrf_icp.io.files import reading
+from hmrf_icp.io.pts import columns_of_pts, read_counted
 from hmrf_icp.io.text_header import (
     coordinate_columns,
     delimiter,
     is_number,
+    named_colours,
     names_in,
     normal_columns,
+    refuse_grid,
     words_in,
 )
 from hmrf_icp.io.words import understood
@@ -55,8 +59,9 @@ def read_text(path: Path) -> PointCloud:
 
     The numbers stand apart by commas, semicolons or white space. A header line
     is optional: without one the first three columns are x, y and z (and the
-    next three a normal in XYZN). With one they are those called x, y, z, or
-    in another common way (``px``, ``POINT_X``, ``Points:0``, ``x [m]``, ``Easting``);
+    next three a normal in XYZN). PTS begins with the number of its points, and they may have an
+    intensity, a colour, or both behind the coordinates. With a header they are those called
+    x, y, z, or in another common way (``px``, ``POINT_X``, ``Points:0``, ``x [m]``, ``Easting``);
     columns ``nx``, ``ny``, ``nz`` or ``normal_x`` and so on are normals, and others that hold
     numbers alone are attributes. Lines that start with ``#`` or ``//`` are comments,
     but one before the points that names x, y and z is a header.
@@ -70,8 +75,15 @@ def read_text(path: Path) -> PointCloud:
     with reading(path, "a text file of points"):
         # utf-8-sig: spreadsheets put a byte order mark in front of the first column.
         lines = path.read_text(encoding="utf-8-sig").splitlines()
-        table = _table(path, [(n, line) for n, line in enumerate(lines, 1)])
-        columns = _numbers(path, table)
+        numbered = [(n, line) for n, line in enumerate(lines, 1)]
+        suffix = path.suffix.lower()
+        if suffix == ".pts":
+            table = _Table(*read_counted(path, numbered))
+        else:
+            if suffix == ".asc":
+                refuse_grid(path, lines)
+            table = _table(path, numbered)
+        columns = bytes_of_colours(_numbers(path, table))
         points = np.stack([columns.pop(axis) for axis in AXES], axis=-1)
         return cloud_of(points, columns)
 
@@ -85,11 +97,14 @@ def write_text(path: Path, cloud: PointCloud) -> None:
         columns |= one_number_a_column(others, len(cloud.shape))
     elif path.suffix.lower() == ".xyzn" and cloud.normals is not None:
         columns |= dict(zip(PLY_NORMALS, np.moveaxis(cloud.normals, -1, 0), strict=True))
+    elif path.suffix.lower() == ".pts":
+        columns |= columns_of_pts(cloud)
     mark = "," if csv else " "
     # Python writes the shortest digits that read back the same, in a fifth of NumPy's time.
     values = [_written(column[cloud.observed]).tolist() for column in columns.values()]
     lines = [mark.join(map(repr, row)) + "\n" for row in zip(*values, strict=True)]
     with path.open("w", encoding="utf-8", newline="\n") as stream:
+        stream.writelines([f"{len(lines)}\n"] * (path.suffix.lower() == ".pts"))
         stream.writelines([mark.join(columns) + "\n"] * csv + lines)
 
 
@@ -111,7 +126,7 @@ def _table(path: Path, lines: list[tuple[int, str]]) -> _Table:
             names = names_in(bare)
             found = coordinate_columns(names)
             if found is not None:
-                columns, title = _named(names, found), None
+                columns, title = _named(named_colours(names), found), None
                 continue
             if not comment and number == 1:
                 # A title is passed over, on the first line only; whether it is one, a row tells.

@@ -5,8 +5,10 @@ from __future__ import annotations
 import csv
 import re
 from collections.abc import Sequence
+from pathlib import Path
 
-from hmrf_icp.io.columns import PCD_NORMALS, PLY_NORMALS
+from hmrf_icp.errors import InputError
+from hmrf_icp.io.columns import PCD_NORMALS, PLY_NORMALS, RED_GREEN_BLUE
 
 _COORDINATES = (
     ("x", "y", "z"),
@@ -36,6 +38,29 @@ def coordinate_columns(names: Sequence[str]) -> list[int] | None:
 def normal_columns(names: Sequence[str]) -> list[int] | None:
     """Places of the three components of a normal, None where there is none."""
     return _places(names, (PLY_NORMALS, PCD_NORMALS))
+
+
+def named_colours(names: Sequence[str]) -> list[str]:
+    """Call R, G and B what they are; CloudCompare writes them so."""
+    plain = [name.lower() for name in names]
+    if not all(plain.count(each) == 1 for each in "rgb") or set(RED_GREEN_BLUE) & {*plain}:
+        return list(names)
+    full = dict(zip("rgb", RED_GREEN_BLUE, strict=True))
+    return [full.get(name.lower(), name) for name in names]
+
+
+def refuse_grid(path: Path, lines: Sequence[str]) -> None:
+    """Refuse the raster of heights that goes by the same suffix as points.
+
+    Raises
+    ------
+    InputError
+        It is one.
+    """
+    if next((line for line in lines if line.strip()), "").lower().split()[:1] == ["ncols"]:
+        raise InputError(
+            f"{path}: an ESRI grid of heights, not points; write it as x y z, a point a line"
+        )
 
 
 def _places(names: Sequence[str], known: Sequence[Sequence[str]]) -> list[int] | None:

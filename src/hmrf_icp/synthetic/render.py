@@ -9,7 +9,8 @@ import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
 from hmrf_icp.clouds.camera import PinholeCamera
-from hmrf_icp.clouds.cloud import SATURATED, PointCloud
+from hmrf_icp.clouds.cloud import PointCloud
+from hmrf_icp.clouds.depth import SATURATED
 from hmrf_icp.errors import InputError
 from hmrf_icp.se3 import Array, as_rigid, inverse, transform
 from hmrf_icp.synthetic.primitives import Primitive
