@@ -148,7 +148,7 @@ def test_many_pairs_have_no_page(maps, pair):
     command = ["register", str(maps), *asked(maps, pair)[1:], "--html", "x.html"]
     outcome = CliRunner().invoke(app, command)
     assert outcome.exit_code == 2
-    assert "--html: shows one pair" in outcome.stderr
+    assert "--html: is for one pair alone" in outcome.stderr
 
 
 def test_a_recording_of_rerun_is_written_or_the_extra_is_named(told, tmp_path):

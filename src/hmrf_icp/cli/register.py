@@ -332,10 +332,6 @@ def register(
         sure_of = source_confidence or target_confidence
         refuse_for_many(html=html, rrd=rrd, view=view or None, source_confidence=sure_of)
 
-        for option, one in (("--view", view), ("--html", html), ("--rrd", rrd)):
-            if one:
-                raise InputError(f"{option}: shows one pair, and many were given; leave it out")
-
         def read(path: Path) -> PointCloud:
             cloud, _ = read_input(path, lens, depth_scale, max_depth, samples)
             return cloud if stood is None else seen_from(stood, cloud)
