@@ -195,12 +195,7 @@ def register(
     ] = None,
     colour: Annotated[
         bool,
-        typer.Option(
-            "--colour",
-            rich_help_panel=_METHOD,
-            help="Take the colours (or intensities) of both clouds as evidence too, beside the "
-            "aligner's measure: texture holds what slides along itself, such as a wall.",
-        ),
+        typer.Option("--colour", rich_help_panel=_METHOD, help="Go by colours or intensities too."),
     ] = False,
     num_threads: Annotated[
         int | None,
@@ -320,9 +315,7 @@ def register(
     method = presets.preset(preset)
     if rejector is not None:
         presets.rejector(rejector)
-    metric = None if aligner is None else presets.aligner(aligner)
-    if colour:
-        metric = presets.coloured(aligner)
+    metric = presets.coloured(aligner) if colour else presets.aligner(aligner) if aligner else None
     require_positive("--depth-scale", depth_scale, "units per metre")
     require_positive("--max-depth", max_depth, "metres")
     lens = lens_of(camera, intrinsics)
