@@ -101,14 +101,6 @@ DECISIONS = (
         ("search/test_near_surface.py", *OVERLAP),
     ),
     Decision(
-        "overlap goes on beyond the border",
-        "a point beyond the border of the target's surface is no overlap",
-        "clouds/overlap.py",
-        "reach = np.where(target.border[near], RIM, REACH)",
-        "reach = np.where(target.border[near], REACH, REACH)",
-        OVERLAP,
-    ),
-    Decision(
         "the back of a wall overlaps its front",
         "overlap asks whether surfaces face the same way",
         "clouds/overlap.py",
@@ -144,8 +136,8 @@ DECISIONS = (
         "noise is no excuse for overlap",
         "points overlap within the noise of both clouds",
         "clouds/overlap.py",
-        "found = distance < reach + BAND * noise",
-        "found = distance < reach",
+        "found = distance < REACH * np.sqrt(onto.area[near]) + BAND * noise",
+        "found = distance < REACH * np.sqrt(onto.area[near])",
         OVERLAP,
     ),
     Decision(

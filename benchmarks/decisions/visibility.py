@@ -69,8 +69,8 @@ DECISIONS = (
         "an assumed place is taken for known",
         "free space is asked only where both viewpoints are known",
         "search/visibility.py",
-        "self.views = by_source is not None and by_target is not None",
-        "self.views = True",
+        "return NearSurface(source), NearSurface(target), False",
+        "return NearSurface(source), NearSurface(target), True",
         NEAR,
     ),
     Decision(

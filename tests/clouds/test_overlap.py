@@ -26,9 +26,8 @@ def shift(x=0.0, y=0.0, z=0.0):
 
 
 def test_a_sheet_laid_half_over_another_overlaps_by_half():
-    """A point a step off the other's border has a counterpart, none that is farther off."""
     one, other = prepared(lattice(-1.0, 1.0)), prepared(lattice(-1.0, 1.0), seed=1)
-    assert 0.5 < overlap(one, other, shift(x=0.975)) < 0.57
+    assert 0.5 < overlap(one, other, shift(x=0.975)) < 0.62
 
 
 def test_the_back_of_a_wall_is_not_its_front():

@@ -23,32 +23,40 @@ def begun(start=TRUE, near=True, plan=presets.ROBUST):
 
 
 @pytest.mark.parametrize(
-    ("views", "told", "asked"),
+    ("views", "near", "told"),
     [
-        (True, [0.6], 1),
-        (True, [0.4, 0.45, 0.6], 3),
-        (False, [0.6, 0.8, 0.95], 3),
-        (True, [0.1] * 4, 4),
+        (True, True, [0.95]),
+        (True, True, [0.8, 0.6]),
+        (True, True, [0.4, 0.45, 0.6]),
+        (True, False, [0.4, 0.45, 0.6]),
+        (False, True, [0.6, 0.8, 0.95]),
+        (False, False, [0.6, 0.7, 0.8]),
+        (True, True, [0.1] * 4),
     ],
 )
 def test_the_search_goes_on_until_it_is_convinced_and_without_free_space_for_longer(
-    monkeypatch, views, told, asked
+    monkeypatch, views, near, told
 ):
     calls = []
 
     class Told:
-        turns = None
-
         def __init__(self, *arguments):
             pass
 
-        def among(self, starts):
-            calls.append(starts)
+        def end(self):
             seen = Visibility(1, 0, 0, 0, 0, views=views)
             return SimpleNamespace(confidence=told[len(calls) - 1], visibility=seen, loop=None)
 
+        def from_start(self):
+            calls.append("start")
+            return self.end()
+
         def farther(self):
             yield from range(3)
+
+        def among(self, starts):
+            calls.append(starts)
+            return self.end()
 
         def no_worse(self, end):
             return end
@@ -57,36 +65,62 @@ def test_the_search_goes_on_until_it_is_convinced_and_without_free_space_for_lon
 
     monkeypatch.setattr(coarse_to_fine, "Search", Told)
     clouds = PreparedCloud(frame(8)), PreparedCloud(frame(0))
-    result = presets.ROBUST.run(*clouds, np.eye(4))
-    assert len(calls) == asked
-    assert result.confidence == told[asked - 1]
+    result = presets.ROBUST.run(*clouds, np.eye(4), near)
+    assert len(calls) == len(told)
+    assert result.confidence == told[-1]
 
 
-def test_the_given_start_is_a_candidate_beside_six():
-    one = begun()
-    far = turned(TRUE, frame(8), [0.0, 1.0, 0.0], 90.0)
+def asked_only(one):
+    """A search that tells which candidates it would try, and anneals nothing."""
+    one._gone_on = lambda candidates: candidates
     one._coarse = lambda poses, scale: poses
-    one._close = SimpleNamespace(from_each_scale=lambda pose: pose[None][:0])
+    return one
+
+
+def test_the_given_start_is_a_candidate_and_six_of_its_turns():
+    one = asked_only(begun())
+    one._close = SimpleNamespace(from_each_scale=lambda pose: pose[None])
+    candidates = one.from_start()
+    np.testing.assert_array_equal(candidates[0].pose, TRUE)
+    far = turned(TRUE, frame(8), [0.0, 1.0, 0.0], 90.0)
     rng = np.random.default_rng(0)
     poses = np.array([se3.exp(0.3 * rng.standard_normal(6)) @ far for _ in range(30)])
-    candidates = one._new_candidates(Starts(poses, 0, 6, False))
-    np.testing.assert_array_equal(candidates[0].pose, TRUE)
-    assert len(candidates) == 7
-    assert presets.ROBUST.finalists == 6
+    assert len(one.among(Starts(poses, 0, presets.ROBUST.finalists, False))) == 6
+
+
+def about_the_truth(count, spread=0.05):
+    rng = np.random.default_rng(0)
+    return [se3.exp(spread * rng.standard_normal(6)) @ TRUE for _ in range(count)]
 
 
 def test_the_candidates_are_those_for_which_most_speaks():
-    one = begun()
-    one._candidates.append(search.Candidate(TRUE, 0.0))
-    one._coarse = lambda poses, scale: poses
-    rng = np.random.default_rng(0)
     far = turned(TRUE, frame(8), [0.0, 1.0, 0.0], 25.0, (0.0, 0.2, 0.2))
-    poses = np.array([far, *(se3.exp(0.05 * rng.standard_normal(6)) @ TRUE for _ in range(5))])
-    kept = one._new_candidates(Starts(poses, 0, 3, False))
+    kept = asked_only(begun()).among(Starts(np.array([far, *about_the_truth(5)]), 0, 3, False))
     assert len(kept) == 3
     assert not any(np.array_equal(candidate.pose, far) for candidate in kept)
     scores = [candidate.log_posterior for candidate in kept]
     assert scores == sorted(scores, reverse=True)
+
+
+def test_of_many_poses_the_likeliest_are_held_against_the_views_for_longer():
+    one = asked_only(begun())
+    kept = one.among(Starts(np.array(about_the_truth(60)), 0, 3, False))
+    for pose, log_posterior in kept:
+        assert log_posterior == one._log_posterior(pose, one._test_early)
+        assert log_posterior != one._log_posterior(pose, one._test_first)
+
+
+def test_a_hopeless_end_is_not_run_to_the_end_before_others_were_looked_for():
+    one = begun()
+    _, (end,) = ends(0.0)
+    hopeless = end._replace(visibility=replace(end.visibility, agree=10, front=900))
+    one._tried = lambda candidates: [hopeless]
+    one._refined = lambda: pytest.fail("run to the end")
+    assert one._gone_on([]) is hopeless
+    likely = begun()
+    likely._tried = lambda candidates: [end]
+    likely._refined = lambda: "run to the end"
+    assert likely._gone_on([]) == "run to the end"
 
 
 def test_near_a_start_a_pose_far_from_it_is_unlikely_and_from_nowhere_hardly_less_likely():
