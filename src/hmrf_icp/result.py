@@ -19,8 +19,7 @@ from hmrf_icp.search.visibility import Visibility
 from hmrf_icp.stages import Stage
 
 if TYPE_CHECKING:
-    from hmrf_icp.figures.states import Recording
-    from hmrf_icp.view.server import Viewer
+    from hmrf_icp.view import Recording, Viewer
 
 BELIEVED = 0.5
 """Confidence from which a pose is believed: more likely right than not."""

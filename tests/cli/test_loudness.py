@@ -19,7 +19,7 @@ from hmrf_icp.io import write_cloud
 from hmrf_icp.kernels import compilation
 
 FAST = ("--preset", "paper", "--rejector", "all")
-COMMANDS = [[], ["demo"], ["register"], ["animate"], ["evaluate"], ["report"]]
+COMMANDS = [[], ["demo"], ["register"], ["view"], ["animate"], ["evaluate"], ["report"]]
 
 
 def run(*arguments, columns=80):

@@ -133,6 +133,7 @@ def test_register_writes_the_page_beside_the_rest(maps, pair, tmp_path):
         (["{maps}/a.png"], "no TARGET"),
         (["{maps}"], "results.csv"),
         (["{maps}", "--html", "x.html"], "--html"),
+        (["{maps}", "{maps}/b.png"], "one pair"),
         (["{maps}/a.png", "{maps}/b.png", "--html", "{maps}/none/x.html"], "does not exist"),
     ],
 )
@@ -141,6 +142,13 @@ def test_what_cannot_be_shown_is_refused_at_once(maps, arguments, said):
     outcome = CliRunner().invoke(app, ["view", *arguments])
     assert outcome.exit_code == 2
     assert said in outcome.stderr
+
+
+def test_many_pairs_have_no_page(maps, pair):
+    command = ["register", str(maps), *asked(maps, pair)[1:], "--html", "x.html"]
+    outcome = CliRunner().invoke(app, command)
+    assert outcome.exit_code == 2
+    assert "--html: is for one pair alone" in outcome.stderr
 
 
 def test_a_recording_of_rerun_is_written_or_the_extra_is_named(told, tmp_path):

@@ -209,6 +209,7 @@ def evaluate(
     Example: hmrf-icp evaluate ./kitchen --subsample 4 --angles pi/30,pi/10,pi/6+0.3
     """
     from hmrf_icp.cli.evaluation_bar import EvaluationBar
+    from hmrf_icp.cli.progress import told_of_compiling
     from hmrf_icp.evaluate import Configuration
     from hmrf_icp.evaluate import evaluate as run
 
@@ -228,7 +229,7 @@ def evaluate(
         seed=seed,
     )
     folder = _default_output(configuration) if output is None else output
-    with EvaluationBar() as bar, _stoppable(bar, folder):
+    with EvaluationBar() as bar, _stoppable(bar, folder), told_of_compiling(bar):
         if quick:
             bar.note(
                 f"--quick: at most {configuration.pairs} pairs, and starts about "

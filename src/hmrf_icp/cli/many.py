@@ -270,6 +270,13 @@ class Many:
                 say(f"{option}: {place}", err=self.as_json)
 
 
+def refuse_for_many(**options: Any) -> None:
+    """Refuse the options that are for one pair alone; None is not given."""
+    given = [name.replace("_", "-") for name, value in options.items() if value is not None]
+    if given:
+        raise InputError(f"--{given[0]}: is for one pair alone, leave it out or give one SOURCE")
+
+
 @contextmanager
 def _noticed() -> Iterator[Callable[[], bool]]:
     """Let nobody swallow Ctrl-C, or what a batch system sends: tell whether one came.

@@ -94,7 +94,7 @@ def _files(source: Path, target: Path) -> list[Path]:
     ]
     if not found:
         raise InputError(
-            f"{source}: no file in this folder ends in {', '.join(kinds)} "
+            f"{source}: is a directory in which no file ends in {', '.join(kinds)} "
             f"({' and '.join(AMBIGUOUS)} are taken only by name)"
         )
     return found

@@ -29,6 +29,7 @@ if TYPE_CHECKING:
     from hmrf_icp.view.story import Story
 
 _DEPTH = "Depth maps"
+_SURE = "Confidence of depths"
 _CLOUDS = "Clouds"
 _MANY = "Many pairs"
 _METHOD = "Method"
@@ -106,21 +107,21 @@ def register(
         Path | None,
         typer.Option(
             metavar="FILE",
-            rich_help_panel=_DEPTH,
+            rich_help_panel=_SURE,
             help="How sure each pixel of SOURCE is, as ARKit writes it: an image of its size.",
         ),
     ] = None,
     target_confidence: Annotated[
         Path | None,
         typer.Option(
-            metavar="FILE", rich_help_panel=_DEPTH, help="The same for the pixels of TARGET."
+            metavar="FILE", rich_help_panel=_SURE, help="The same for the pixels of TARGET."
         ),
     ] = None,
     min_confidence: Annotated[
         float,
         typer.Option(
             metavar="LEVEL",
-            rich_help_panel=_DEPTH,
+            rich_help_panel=_SURE,
             help="Leave out depths that are less sure: 1 is ARKit's medium, 2 its high.",
         ),
     ] = 1,
@@ -194,12 +195,7 @@ def register(
     ] = None,
     colour: Annotated[
         bool,
-        typer.Option(
-            "--colour",
-            rich_help_panel=_METHOD,
-            help="Take the colours (or intensities) of both clouds as evidence too, beside the "
-            "aligner's measure: texture holds what slides along itself, such as a wall.",
-        ),
+        typer.Option("--colour", rich_help_panel=_METHOD, help="Go by colours or intensities too."),
     ] = False,
     num_threads: Annotated[
         int | None,
@@ -319,9 +315,7 @@ def register(
     method = presets.preset(preset)
     if rejector is not None:
         presets.rejector(rejector)
-    metric = None if aligner is None else presets.aligner(aligner)
-    if colour:
-        metric = presets.coloured(aligner)
+    metric = presets.coloured(aligner) if colour else presets.aligner(aligner) if aligner else None
     require_positive("--depth-scale", depth_scale, "units per metre")
     require_positive("--max-depth", max_depth, "metres")
     lens = lens_of(camera, intrinsics)
@@ -333,13 +327,17 @@ def register(
     chosen = {"preset": preset, "rejector": rejector, "aligner": aligner, "colour": colour}
     asked = asked_for(sources or [], target, pairs, init, table)
     if not isinstance(asked, Pair):
-        from hmrf_icp.cli.many import Many
+        from hmrf_icp.cli.many import Many, refuse_for_many
+
+        sure_of = source_confidence or target_confidence
+        refuse_for_many(html=html, rrd=rrd, view=view or None, source_confidence=sure_of)
 
         def read(path: Path) -> PointCloud:
             cloud, _ = read_input(path, lens, depth_scale, max_depth, samples)
             return cloud if stood is None else seen_from(stood, cloud)
 
-        depth = {"depth-scale": depth_scale, "max-depth": max_depth, "intrinsics": intrinsics}
+        depth = {"camera": camera, "intrinsics": intrinsics, "depth-scale": depth_scale}
+        read_as = {"max-depth": max_depth, "samples": samples, "viewpoint": viewpoint}
         raise typer.Exit(
             Many(
                 asked,
@@ -351,7 +349,7 @@ def register(
                 folders=Outputs(output, pose, figure),
                 table=table,
                 inputs=[file for file in (camera, pairs) if file],
-                settings=chosen | depth | {"camera": camera, "viewpoint": viewpoint},
+                settings=chosen | depth | read_as,
                 as_json=as_json,
                 profile=profile,
             ).run()

@@ -17,6 +17,10 @@ if TYPE_CHECKING:
     from hmrf_icp.view.story import Story
 
 
+NOT_TAKEN = ("sources", "pairs", "table", "view")
+"""What ``register`` takes for many pairs, and what is understood here."""
+
+
 def view(**arguments: Any) -> None:
     """Register SOURCE to TARGET and look at it in the browser.
 
@@ -28,9 +32,11 @@ def view(**arguments: Any) -> None:
 
     Takes every option of hmrf-icp register. Exit status: as that of register.
     """
-    source, target = arguments["source"], arguments["target"]
+    source, target = arguments.pop("source"), arguments["target"]
     if target is not None:
-        register(**arguments, view=True)
+        if source.is_dir():
+            raise InputError(f"{source}: a folder; the viewer shows one pair, give two files")
+        register([source], **arguments, view=True)
     elif not source.is_dir():
         raise InputError(
             f"{source}: no TARGET was given; expected two files, or the folder of an evaluation"
@@ -38,35 +44,31 @@ def view(**arguments: Any) -> None:
     else:
         from hmrf_icp.view.evaluation import EvaluationPages
 
-        other = [name for name, value in arguments.items() if value != _DEFAULTS.get(name)]
-        if set(other) - {"source", "port"}:
-            raise InputError(
-                f"--{min(set(other) - {'source', 'port'}).replace('_', '-')}: has no meaning for "
-                "the folder of an evaluation; leave it out"
-            )
+        for name, value in arguments.items():
+            if name not in ("port", "quiet", "verbose") and value != _DEFAULTS[name]:
+                raise InputError(
+                    f"--{name.replace('_', '-')}: has no meaning for the folder of an "
+                    "evaluation; leave it out"
+                )
         serve(EvaluationPages(source), arguments["port"])
 
 
 def _takes_what_register_takes() -> dict[str, Any]:
-    """Give ``view`` the arguments of ``register``, TARGET left to choose; return the defaults."""
+    """Give ``view`` one SOURCE and the options of ``register``; return their defaults."""
     signature = inspect.signature(register, eval_str=True)
-    words = {
-        "source": "What moves, as for register; or the --output of hmrf-icp evaluate, whose runs "
-        "are listed.",
-        "target": "What stays.",
-    }
-    parameters = []
-    for name, parameter in signature.parameters.items():
-        if name in words:
-            metavar = f"{name.upper()}"
-            argument = typer.Argument(metavar=metavar, show_default=False, help=words[name])
-            kind: Any = Path if name == "source" else Path | None
-            parameter = parameter.replace(annotation=Annotated[kind, argument])
-            if name == "target":
-                parameter = parameter.replace(default=None)
-        if name != "view":
-            # By name: what has no default may not follow what has.
-            parameters.append(parameter.replace(kind=inspect.Parameter.KEYWORD_ONLY))
+    first = typer.Argument(
+        metavar="SOURCE",
+        show_default=False,
+        help="What moves, as for register; or the --output of hmrf-icp evaluate, whose runs are "
+        "listed.",
+    )
+    by_name = inspect.Parameter.KEYWORD_ONLY
+    parameters = [inspect.Parameter("source", by_name, annotation=Annotated[Path, first])]
+    parameters += [
+        parameter.replace(kind=by_name)
+        for name, parameter in signature.parameters.items()
+        if name not in NOT_TAKEN
+    ]
     view.__signature__ = signature.replace(parameters=parameters)  # type: ignore[attr-defined]
     view.__annotations__ = {one.name: one.annotation for one in parameters}
     return {one.name: one.default for one in parameters}

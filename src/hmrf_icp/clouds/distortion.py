@@ -107,14 +107,15 @@ class Distortion:
     def _end(self) -> float:
         """Largest radius up to which the radial part grows and has no pole."""
         k1, k2, _, _, k3, k4, k5, k6 = self.coefficients
-        above, below = np.poly1d([k3, k2, k1, 1.0]), np.poly1d([k6, k5, k4, 1.0])
-        square = np.poly1d([1.0, 0.0])
-        slope = (above + 2 * square * above.deriv()) * below - above * (2 * square * below.deriv())
         with np.errstate(all="ignore"):
+            above, below = np.poly1d([k3, k2, k1, 1.0]), np.poly1d([k6, k5, k4, 1.0])
+            square = np.poly1d([1.0, 0.0])
+            grows = (above + 2 * square * above.deriv()) * below
+            slope = grows - above * (2 * square * below.deriv())
             try:
                 roots = np.concatenate([np.atleast_1d(slope.roots), np.atleast_1d(below.roots)])
-            except np.linalg.LinAlgError:
-                roots = np.zeros(1)
+            except np.linalg.LinAlgError:  # coefficients too large for their squares
+                roots = np.full(1, np.finfo(float).tiny)
         real = roots.real[(np.abs(roots.imag) < 1e-9 * np.abs(roots)) & (roots.real > 0.0)]
         return min(self.reach, WIDEST, math.sqrt(real.min()) if len(real) else math.inf)
 

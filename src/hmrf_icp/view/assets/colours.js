@@ -74,5 +74,5 @@ function legend(mode, story, moment, theme) {
     return scale(DISTANCE, metres(story.edges[0]), metres(story.edges.at(-1))) + grey + note("From a source point to the closest target point, on a logarithmic scale.");
   if (mode === "probability")
     return scale([MEAN.outlier, MEAN.inlier], "0, outlier", "inlier, 1") + key(MEAN.target, "target") + note("As decided at the result; at other poses the points keep these colours.");
-  return key(MEAN.source, "source, moved") + key(MEAN.target, "target");
+  return key(MEAN.source, "source, moved", story.source.count) + key(MEAN.target, "target", story.target.count);
 }
