@@ -132,7 +132,8 @@ def write_las(path: Path, cloud: PointCloud) -> None:
 
 def _cloud(points: Any, notes: tuple[str, ...]) -> PointCloud:
     normals, attributes = las_dimensions(points)
-    xyz = np.stack([np.asarray(points[axis], dtype=np.float64) for axis in AXES], axis=-1)
+    with np.errstate(over="ignore"):  # what is infinite is unobserved
+        xyz = np.stack([np.asarray(points[axis], dtype=np.float64) for axis in AXES], axis=-1)
     withheld = attributes.pop("withheld", None)
     if withheld is not None:
         kept = withheld == 0
