@@ -9,7 +9,7 @@ import pytest
 
 from hmrf_icp import PointCloud, PreparedCloud, presets, se3
 from hmrf_icp.loop.placed import Placed
-from hmrf_icp.loop.polish import agreeing, polish
+from hmrf_icp.loop.polish import Near, agreeing, polish
 from hmrf_icp.loop.reject import Labels
 from shapes import CAMERA
 from views import frame, off, truth
@@ -31,7 +31,9 @@ def walls():
 
 def told(source, target, pose):
     placed = Placed.at(pose, source.points)
-    matches, share = agreeing(placed, source, target, np.ones(len(source)))
+    chance = np.ones(len(source))
+    near = Near.of(placed, target, chance)
+    matches, share = agreeing(placed, source, target, chance, near)
     return placed, matches, share
 
 
@@ -55,7 +57,9 @@ def test_a_match_counts_less_the_farther_off_it_is(walls):
         points = source.points.copy()
         points[~left, 2] -= times * NOISE
         placed = Placed(points, np.eye(4))
-        _, share = agreeing(placed, source, target, np.ones(len(source)))
+        chance = np.ones(len(source))
+        near = Near.of(placed, target, chance)
+        _, share = agreeing(placed, source, target, chance, near)
         shares.append(float(share[~left].mean()))
     assert shares == sorted(shares, reverse=True)
     assert shares[2] < shares[0] - 0.1
