@@ -13,7 +13,7 @@ from hmrf_icp.evaluate import protocol
 KITCHEN = Path(__file__).resolve().parents[2] / "shared" / "data" / "kitchen-exact"
 
 
-def vga_pair():
+def vga_pair(folder=KITCHEN):
     """Load two overlapping 640 x 480 clouds, the true pose, and a start turned by pi/30.
 
     Frames 200 and 230 of the rendered kitchen beside the checkout where it is
@@ -23,8 +23,8 @@ def vga_pair():
     -------
     name, source, target, truth, init
     """
-    if KITCHEN.is_dir():
-        sequence = datasets.open_sequence(KITCHEN)
+    if folder.is_dir():
+        sequence = datasets.open_sequence(folder)
         name = f"{sequence.name}, frames 230 to 200"
         free, fixed = sequence.frame(230), sequence.frame(200)
     else:

@@ -49,7 +49,9 @@ def test_random_geometry(fuzz, first):  # noqa: F811
 @pytest.mark.parametrize("aligner", presets.aligner_names())
 @pytest.mark.parametrize("rejector", presets.rejector_names())
 def test_every_part(rejector, aligner):
-    source, target = synthetic.pair()
+    source, target = (
+        PointCloud(points, attributes={"intensity": points[..., 0]}) for points in synthetic.pair()
+    )
     hmrf_icp.register(source, target, preset="paper", rejector=rejector, aligner=aligner)
 
 

@@ -64,6 +64,13 @@ METHODS = [
 """The search, which takes longer, with every rejector and every aligner, but not with all pairs."""
 
 
+def painted(cloud):
+    """The cloud with intensities, which one of the metrics needs."""
+    cloud = cloud if isinstance(cloud, PointCloud) else PointCloud(cloud)
+    value = np.random.default_rng(4).uniform(size=cloud.shape)
+    return PointCloud(cloud.points, cloud.camera, attributes={"intensity": value})
+
+
 def sound(result):
     numbers = [*result.transformation.ravel(), result.overlap, result.inlier_rmse]
     numbers += [result.confidence or 0.0]
@@ -75,8 +82,11 @@ def test_every_method_answers(name):
     cloud = CLOUDS[name]
     points = cloud.points if isinstance(cloud, PointCloud) else cloud
     size = np.nanmax(np.abs(points))
-    targets = [prepare(cloud), prepare(points.reshape(-1, 3)[::-1] + 100.0 * size)]
-    source = prepare(cloud)
+    source = prepare(painted(cloud))
+    targets = [
+        prepare(painted(cloud)),
+        prepare(painted(points.reshape(-1, 3)[::-1] + 100.0 * size)),
+    ]
     for i, method in enumerate(METHODS):
         with warnings.catch_warnings():
             warnings.simplefilter("error")

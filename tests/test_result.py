@@ -88,7 +88,8 @@ def test_half_of_a_wavy_sheet_overlaps_half():
     prepared = hmrf_icp.prepare(sheet), hmrf_icp.prepare(half[::3])
     from hmrf_icp.clouds.overlap import overlap
 
-    assert overlap(*prepared, np.eye(4)) == pytest.approx(0.5, abs=0.03)
+    # A counterpart is within two spacings of the target's points, 0.012 here, also at its edge.
+    assert overlap(*prepared, np.eye(4)) == pytest.approx(0.5, abs=0.035)
     assert overlap(*prepared[::-1], np.eye(4)) > 0.99
 
 

@@ -65,7 +65,10 @@ def case(seed: int, number: int) -> Case:
     if rng.random() < 0.6:
         arguments["rejector"] = str(rng.choice(presets.rejector_names()))
     if rng.random() < 0.6:
-        arguments["aligner"] = str(rng.choice(presets.aligner_names()))
+        # None of these clouds has colours.
+        arguments["aligner"] = str(
+            rng.choice([n for n in presets.aligner_names() if n != "colour"])
+        )
     kind = str(rng.choice([*GEOMETRY, *IMAGES]))
     scale = 10.0 ** rng.choice([0, 0, 0, rng.uniform(-3, 4), rng.uniform(-40, 14)])
     source, camera, viewpoint = _geometry(rng, kind, scale)

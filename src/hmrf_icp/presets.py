@@ -13,11 +13,12 @@ from hmrf_icp.errors import InputError
 from hmrf_icp.field.general import MarkovField
 from hmrf_icp.field.paper import HiddenMarkovRandomField
 from hmrf_icp.loop.align import Aligner, PointToPoint
+from hmrf_icp.loop.colour import Coloured
 from hmrf_icp.loop.criteria import Criteria, RelativeCriteria, StoppingRule
 from hmrf_icp.loop.icp import Iteration, LoopResult, Method
 from hmrf_icp.loop.match import NearestNeighbour
 from hmrf_icp.loop.reject import X84, Dynamic, KeepAll, KeepPercent, KeepSigma, Rejector
-from hmrf_icp.loop.surface_metrics import PlaneToPlane, PointToPlane, Symmetric
+from hmrf_icp.loop.surface_metrics import PlaneToPlane, PointToPlane, SurfaceMetric, Symmetric
 from hmrf_icp.search.coarse_to_fine import CoarseToFine, SearchResult
 from hmrf_icp.search.visible_match import VisibleMatch
 
@@ -47,7 +48,9 @@ class Registrar(Protocol):
 
 PresetName: TypeAlias = Literal["robust", "paper"]
 RejectorName: TypeAlias = Literal["hmrf", "all", "percent", "sigma", "x84", "dynamic", "field"]
-AlignerName: TypeAlias = Literal["point-to-point", "point-to-plane", "symmetric", "plane-to-plane"]
+AlignerName: TypeAlias = Literal[
+    "point-to-point", "point-to-plane", "symmetric", "plane-to-plane", "colour"
+]
 
 DEFAULT: PresetName = "robust"
 
@@ -84,6 +87,7 @@ _ALIGNERS: dict[str, Callable[[], Aligner]] = {
     "point-to-plane": PointToPlane,
     "symmetric": Symmetric,
     "plane-to-plane": PlaneToPlane,
+    "colour": Coloured,
 }
 
 
@@ -141,6 +145,25 @@ def aligner(name: str) -> Aligner:
     if name not in _ALIGNERS:
         raise InputError(f"aligner: unknown {name!r}, expected one of {', '.join(aligner_names())}")
     return _ALIGNERS[name]()
+
+
+def coloured(name: str | None) -> Aligner:
+    """Put colour beside a metric of this name; beside the usual one where it is None.
+
+    Raises
+    ------
+    InputError
+        There is none of that name, or it does not look at surfaces.
+    """
+    beside = Coloured() if name is None else aligner(name)
+    if isinstance(beside, Coloured):
+        return beside
+    if not isinstance(beside, SurfaceMetric):
+        raise InputError(
+            f"aligner: colour needs a metric that looks at surfaces, got {name!r}; expected "
+            "point-to-plane, symmetric or plane-to-plane"
+        )
+    return Coloured(geometric=beside)
 
 
 def method(

@@ -75,7 +75,8 @@ def register(
         or one of your own, in place of the method's.
     aligner
         Name of another metric (:func:`hmrf_icp.presets.aligner_names`), or an
-        aligner of your own, in place of the method's.
+        aligner of your own, in place of the method's. ``"colour"`` takes the colours or
+        intensities of both clouds as evidence beside the surfaces.
     criteria
         When to stop, in place of the method's.
     viewpoint
@@ -102,7 +103,8 @@ def register(
     Raises
     ------
     InputError
-        A cloud, the start or a name is not what it should be.
+        A cloud, the start or a name is not what it should be, or ``aligner="colour"`` meets
+        a cloud without colours.
 
     Warns
     -----

@@ -2,10 +2,12 @@
 
 from __future__ import annotations
 
+from collections.abc import Callable
 from dataclasses import dataclass, field
+from typing import TYPE_CHECKING
 
 import numpy as np
-from numpy.typing import NDArray
+from numpy.typing import ArrayLike, NDArray
 
 from hmrf_icp import se3
 from hmrf_icp.clouds.sensor_view import SensorView
@@ -15,6 +17,9 @@ from hmrf_icp.loop.degeneracy import FreeMotion
 from hmrf_icp.loop.icp import Iteration, rms
 from hmrf_icp.search.visibility import Visibility
 from hmrf_icp.stages import Stage
+
+if TYPE_CHECKING:
+    from hmrf_icp.view import Recording, Viewer
 
 BELIEVED = 0.5
 """Confidence from which a pose is believed: more likely right than not."""
@@ -184,6 +189,39 @@ class RegistrationResult:
         matched = self.correspondences.matched
         inlier = matched.probability > 0.5
         return np.column_stack([matched.row[inlier], matched.onto[inlier]])
+
+    def show(
+        self,
+        init: ArrayLike | None = None,
+        recording: Recording | None = None,
+        truth: ArrayLike | None = None,
+        port: int = 0,
+        block: bool | None = None,
+        on_ready: Callable[[str], object] | None = None,
+    ) -> Viewer:
+        """Look at the registration in the browser.
+
+        Parameters
+        ----------
+        init
+            (4, 4) the start that was given to ``register``; None for the identity.
+        recording
+            What was tried, a :class:`hmrf_icp.view.Recording` that ``register`` was given as
+            ``on_iteration``; without, the timeline has what led to the result alone.
+        truth
+            (4, 4) the true pose, source to target, where it is known.
+        port, block, on_ready
+            See :func:`hmrf_icp.view.show`.
+
+        Raises
+        ------
+        InputError
+            The result is a copy, which has no clouds to show, or the port is taken.
+        """
+        from hmrf_icp import view
+
+        story = view.story(self, init, recording, truth)
+        return view.show(story, port, block, on_ready)
 
     def __eq__(self, other: object) -> bool:
         """Compare numbers, but for the time that it took."""

@@ -1,7 +1,9 @@
 from __future__ import annotations
 
 import csv
+import importlib
 import json
+import re
 from pathlib import Path
 
 import numpy as np
@@ -57,6 +59,20 @@ def test_one_command_makes_results_and_a_report(recording: Path, tmp_path: Path)
     assert again.exit_code == 2
     assert "targets was [2], is [1]" in again.stderr
     assert "Traceback" not in again.stderr
+
+
+def test_quick_says_what_it_leaves_out_and_how_long_it_takes_before_it_begins(
+    recording: Path, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+):
+    monkeypatch.setattr(importlib.import_module("hmrf_icp.cli.evaluate"), "_report", print)
+    arguments = ["evaluate", str(recording), "-o", str(tmp_path / "out"), "--quick"]
+    arguments += ["--pairs", "1", "--methods", "all", "--peers", "none", "--workers", "1"]
+    done = runner.invoke(app, arguments)
+    assert done.exit_code == 0, done.output
+    before, _, _ = done.stderr.partition("Registering: 0")
+    assert "--quick: at most 1 pairs, and starts about 1 of 16 axes" in before
+    assert re.search(r"1 of \d+ pairs, spread over scenes and overlap; \d+ are left out", before)
+    assert "1 runs: 1 pairs, 1 methods; roughly" in before
 
 
 @pytest.mark.parametrize(

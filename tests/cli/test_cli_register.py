@@ -70,7 +70,7 @@ def test_two_depth_maps(command, pair):
     assert "converged after" in out
     assert "overlap" in out
     assert "transformation, source to target:" in out
-    assert err == ""
+    assert not [line for line in err.splitlines() if "compiling" not in line]
 
 
 def test_json_is_one_strict_object_and_nothing_else(command, clouds):
@@ -101,6 +101,28 @@ def test_json_is_one_strict_object_and_nothing_else(command, clouds):
     assert 0 <= content["overlap"] <= 1
     assert content["preset"] == presets.DEFAULT
     assert "transformation, source to target" in err, "what is for people stands on stderr"
+
+
+def test_a_profile_is_a_table_and_a_list_in_json(command, clouds):
+    _, out, _ = command("register", *clouds, "--profile")
+    head, *rows = out[out.index("  stage") :].splitlines()
+    assert head.split() == ["stage", "own", "time", "share", "calls"]
+    shares = [float(row.rpartition("%")[0].split()[-1]) for row in rows if "%" in row]
+    assert sum(shares) == pytest.approx(100.0, abs=0.1 * len(shares))
+
+    _, out, _ = command("register", *clouds, "--profile", "--json")
+    content = json.loads(out)["profile"]
+    result = hmrf_icp.register(*map(read_cloud, clouds), profile=True)
+    assert {stage["name"]: stage["calls"] for stage in content} == {
+        stage.name: stage.calls for stage in result.profile
+    }
+    assert all(stage["seconds"] >= 0 for stage in content)
+
+
+def test_without_asking_there_is_no_profile(command, clouds):
+    _, out, err = command("register", *clouds, "--json")
+    assert "profile" not in json.loads(out)
+    assert "own time" not in err
 
 
 def test_json_says_what_the_library_says(command, clouds):
@@ -638,3 +660,36 @@ def test_a_name_that_is_no_text_is_shown_all_the_same(clouds, tmp_path):
     )
     assert run.returncode == 0
     assert b"scan_\\udcff.pcd to target.ply" in run.stdout
+
+
+def test_colour_is_taken_as_evidence_and_missed_where_there_is_none(command, tmp_path):
+    rng = np.random.default_rng(0)
+    slide = np.array([0.03, 0.0, 0.0])
+    files = []
+    for name, motion in (("source", slide), ("target", np.zeros(3))):
+        x, y = rng.uniform(-0.5, 0.5, (2, 2000))
+        points = np.stack([x, y, rng.normal(0.0, 0.002, 2000)], axis=1) - motion
+        bright = 0.5 + 0.2 * np.sin(9.0 * x + 2.0 * y) + 0.2 * np.cos(11.0 * y - 3.0 * x)
+        value = np.rint(255.0 * bright).astype(np.uint8)
+        colours = dict.fromkeys(("red", "green", "blue"), value)
+        files.append(tmp_path / f"{name}.ply")
+        write_cloud(files[-1], PointCloud(points, attributes=colours))
+    options = ("--preset", "paper", "--rejector", "all", "--json")
+    status, out, _ = command(
+        "register", *files, *options, "--aligner", "point-to-plane", "--colour"
+    )
+    found = json.loads(out)
+    assert found["colour"] is True
+    assert found["transformation"][0][3] == pytest.approx(0.03, abs=0.004)
+    assert found["degenerate"] == []
+    bare = tmp_path / "bare.xyz"
+    write_cloud(bare, PointCloud(points))
+    status, _, error = command("register", bare, files[1], *options, "--colour")
+    assert status == 2
+    assert "no colours" in error
+    assert "bare.xyz" in error
+    status, _, error = command(
+        "register", *files, *options, "--aligner", "point-to-point", "--colour"
+    )
+    assert status == 2
+    assert "looks at surfaces" in error

@@ -14,8 +14,8 @@ from pathlib import Path
 
 import pytest
 from evaluation_fakes import asked, rows
-from report_browser import browser
 
+from browsing import browser
 from hmrf_icp.evaluate import Start, evaluate
 from hmrf_icp.evaluate.peers import FAMILIES
 

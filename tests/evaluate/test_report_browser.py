@@ -5,9 +5,9 @@ from __future__ import annotations
 import math
 
 import pytest
-from report_browser import browser
 from report_fakes import CONFIG, invented, write_folder
 
+from browsing import browser
 from hmrf_icp.evaluate.report import write_report
 
 METHODS = ("hmrf", "x84", "field-gicp", "gicp@0.05", "gicp@0.8", "kiss-gicp@0.1")

@@ -4,6 +4,7 @@ import numpy as np
 import pytest
 
 from hmrf_icp import se3
+from hmrf_icp.kernels.correlation import vertex
 from hmrf_icp.search.correlation import Correlator, Sampled, empty_cells, rarity
 
 CELLS = 32
@@ -96,3 +97,71 @@ def test_the_few_that_face_elsewhere_are_rare():
     rare = rarity(normals, True)
     assert rare[0] < rare[1000] < rare[1100]
     assert rare[1100] / rare[0] == pytest.approx(100.0, rel=0.05)
+
+
+@pytest.mark.parametrize("known", ["source", "target"])
+def test_of_two_places_that_agree_alike_the_one_that_leaves_empty_space_empty_comes_first(known):
+    """A step of two walls on one wall: the one before the other would stand in what was seen."""
+    rng = np.random.default_rng(0)
+
+    def patch(low, high, depth, count):
+        sides = rng.uniform([low, -0.5], [high, 0.5], (count, 2))
+        return np.column_stack([sides, np.full(count, depth)])
+
+    # A side wall: what was seen to be empty is told as far as the points reach.
+    aside = np.column_stack([np.full(900, -1.5), rng.uniform([-0.5, 0.0], [0.5, 2.0], (900, 2))])
+    towards = np.repeat([[0.0, 0.0, -1.0], [1.0, 0.0, 0.0]], [2100, 900], axis=0)
+    step = np.concatenate([patch(0.0, 1.0, 1.0, 700), patch(1.0, 2.0, 2.0, 700)])
+    step = cloud(step, np.tile([0.0, 0.0, -1.0], (1400, 1)), None)
+    wall = np.concatenate([patch(-1.5, 1.5, 2.0, 2100), aside])
+    seen = cloud(wall, towards)
+    pair = (seen, step) if known == "source" else (step, seen)
+    shifts, _ = Correlator(*pair, CELLS).peaks(np.eye(3), 1)
+    # The hind wall lies on it otherwise, a shift of none.
+    assert shifts[0][2] == pytest.approx(-1.0 if known == "source" else 1.0, abs=0.2)
+
+
+@pytest.mark.parametrize("axis", [0, 1, 2])
+def test_a_sheet_does_not_agree_with_its_back(axis):
+    sheet = np.random.default_rng(axis).uniform(-1.0, 1.0, (1500, 3))
+    sheet[:, axis] = 0.0
+    facing = np.tile(np.eye(3)[axis], (1500, 1))
+    front, back = cloud(sheet, facing, None), cloud(sheet, -facing, None)
+    (same,) = Correlator(front, front, CELLS).peaks(np.eye(3), 1)[1]
+    other = Correlator(front, back, CELLS).peaks(np.eye(3), 1)[1]
+    assert max(other, default=-np.inf) < same - 1.0
+
+
+def test_surfaces_that_cross_have_nothing_in_common_where_sides_are_not_known():
+    sheet = np.random.default_rng(0).uniform(-1.0, 1.0, (1500, 3)) * [1.0, 1.0, 0.0]
+    across = np.array([np.sqrt(2.0 / 3.0), 0.0, np.sqrt(1.0 / 3.0)])
+    one, other = (
+        cloud(sheet, np.tile(normal, (1500, 1)), None, False) for normal in ([0, 0, 1.0], across)
+    )
+    (same,) = Correlator(one, one, CELLS).peaks(np.eye(3), 1)[1]
+    crossing = Correlator(one, other, CELLS).peaks(np.eye(3), 1)[1]
+    assert max(crossing, default=-np.inf) < same - 2.0
+
+
+def parts():
+    """The corner, and what of it is on one side, five times."""
+    points, normals = corner()
+    for way in np.random.default_rng(0).normal(size=(5, 3)):
+        some = points @ way < 0.3
+        yield cloud(points[some], normals[some]), cloud(points, normals)
+
+
+def test_a_parabola_tells_where_between_cells_a_peak_is():
+    assert vertex(1.0, 3.0, 1.0) == 0.0
+    for at in (-0.4, 0.1, 0.3):
+        before, here, after = (5.0 - 2.0 * (x - at) ** 2 for x in (-1.0, 0.0, 1.0))
+        assert vertex(before, here, after) == pytest.approx(at)
+    assert abs(vertex(3.0, 3.0, 1.0)) <= 0.5
+
+
+def test_of_a_peak_the_highest_cell_alone_counts():
+    part, whole = next(parts())
+    correlator = Correlator(part, whole, CELLS)
+    shifts, _ = correlator.peaks(np.eye(3), 8)
+    apart = np.abs(shifts[:, None] - shifts[None]).max(axis=2)[np.triu_indices(len(shifts), 1)]
+    assert apart.min() > 1.0 * correlator.cell

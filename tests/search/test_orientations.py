@@ -6,6 +6,7 @@ import numpy as np
 import pytest
 
 from hmrf_icp import se3
+from hmrf_icp.kernels.orientations import rate
 from hmrf_icp.search.orientations import (
     APART,
     COVERING,
@@ -85,3 +86,14 @@ def test_one_plane_leaves_its_turns_apart_from_each_other(signed):
     assert (tilt[good] > math.cos(math.radians(6.0))).all()
     for k in range(20):
         assert (angles(np.delete(found, k, axis=0), found[k]) >= APART - 1e-6).all()
+
+
+@pytest.mark.parametrize("signed", [True, False])
+def test_a_surface_turned_over_is_alike_where_sides_are_not_known_and_only_there(signed):
+    image = Orientations.of(around([[0.3, 0.2, 0.9], [0.9, -0.1, 0.2]], [900, 500]), signed)
+    over = np.array([np.eye(3), -np.eye(3)])  # both normals reversed
+    same, turned = rate(over, image.directions, image.weight, image.table)
+    if signed:
+        assert turned < 0.1 * same
+    else:
+        assert turned == pytest.approx(same, rel=0.05)

@@ -8,6 +8,7 @@ interrupted, 141 nobody reads the output any more.
 
 from __future__ import annotations
 
+import inspect
 import io
 import os
 import sys
@@ -22,8 +23,10 @@ from typer.core import TyperGroup
 from hmrf_icp.cli.animate import animate
 from hmrf_icp.cli.demo import demo
 from hmrf_icp.cli.evaluate import evaluate
+from hmrf_icp.cli.loudness import is_quiet, one_command
 from hmrf_icp.cli.register import register
 from hmrf_icp.cli.report import report
+from hmrf_icp.cli.view import view
 from hmrf_icp.errors import HmrfIcpError, RegistrationWarning, interruptible
 
 BAD_INPUT = 2
@@ -34,13 +37,26 @@ NO_READER = 128 + 13
 class _Commands(TyperGroup):
     """Runs a command and says in one paragraph, on stderr, why it could not."""
 
+    def __init__(self, **attributes: Any) -> None:
+        super().__init__(**attributes)
+        for command in (self, *self.commands.values()):
+            command.help = _flowing(command.help)
+
+    def get_params(self, ctx: Any) -> Any:
+        """Show the options for completion apart: beside others, 60 columns cut their names."""
+        params = super().get_params(ctx)
+        for param in params:
+            if param.name in ("install_completion", "show_completion"):
+                vars(param)["rich_help_panel"] = "Shell completion"
+        return params
+
     def invoke(self, ctx: Any) -> Any:
         """Run the command that was asked for; its errors become an exit status.
 
         What is not listed here is a mistake of this program, and shows its traceback.
         """
         try:
-            with _warnings_in_one_line(), interruptible():
+            with one_command(), _warnings_in_one_line(), interruptible():
                 outcome = super().invoke(ctx)
                 sys.stdout.flush()
                 return outcome
@@ -62,7 +78,6 @@ class _Commands(TyperGroup):
 app = typer.Typer(
     cls=_Commands,
     no_args_is_help=True,
-    add_completion=False,
     pretty_exceptions_enable=False,
     context_settings={"help_option_names": ["-h", "--help"], "max_content_width": 100},
 )
@@ -70,6 +85,7 @@ app = typer.Typer(
 # One line a command, in the order in which --help lists them.
 app.command()(demo)
 app.command()(register)
+app.command()(view)
 app.command()(animate)
 app.command()(evaluate)
 app.command()(report)
@@ -96,7 +112,9 @@ def _version(wanted: bool) -> None:
 def _program(
     version: Annotated[
         bool,
-        typer.Option("--version", callback=_version, is_eager=True, help="Print the version."),
+        typer.Option(
+            "--version", "-V", callback=_version, is_eager=True, help="Print the version."
+        ),
     ] = False,
 ) -> None:
     """Register depth maps and point clouds that overlap only in part.
@@ -104,6 +122,14 @@ def _program(
     No threshold to choose: a hidden Markov random field finds out which points
     of the source have a counterpart in the target.
     """
+
+
+def _flowing(text: str | None) -> str | None:
+    """Let each paragraph be one line, for the terminal to break where it ends."""
+    if text is None:
+        return None
+    paragraphs = inspect.cleandoc(text).split("\n\n")
+    return "\n\n".join(paragraph.replace("\n", " ") for paragraph in paragraphs)
 
 
 def _say(kind: str, message: object) -> None:
@@ -126,7 +152,8 @@ def _warnings_in_one_line() -> Iterator[None]:
             line: str | None = None,
         ) -> None:
             if issubclass(category, RegistrationWarning):
-                _say("Warning", message)
+                if not is_quiet():
+                    _say("Warning", message)
             else:
                 usual(message, category, filename, lineno, file, line)
 

@@ -8,15 +8,17 @@ from typing import TYPE_CHECKING, Annotated, cast
 import typer
 
 from hmrf_icp import presets
-from hmrf_icp.cli.register import (
+from hmrf_icp.cli import completion
+from hmrf_icp.cli.inputs import (
     NOT_BELIEVED,
-    _arguments_named,
-    _lens,
-    _position,
-    _read,
-    _require_positive,
-    _seen_from,
+    arguments_named,
+    lens_of,
+    position,
+    read_input,
+    require_positive,
+    seen_from,
 )
+from hmrf_icp.cli.loudness import Quiet, Verbose, say
 from hmrf_icp.errors import InputError
 
 if TYPE_CHECKING:
@@ -117,7 +119,10 @@ def animate(
     preset: Annotated[
         str,
         typer.Option(
-            metavar="NAME", rich_help_panel=_METHOD, help=f"One of: {', '.join(presets.names())}."
+            metavar="NAME",
+            rich_help_panel=_METHOD,
+            autocompletion=completion.words(presets.names()),
+            help=f"One of: {', '.join(presets.names())}.",
         ),
     ] = presets.DEFAULT,
     rejector: Annotated[
@@ -125,6 +130,7 @@ def animate(
         typer.Option(
             metavar="NAME",
             rich_help_panel=_METHOD,
+            autocompletion=completion.words(presets.rejector_names()),
             help=f"Another rejection rule: {', '.join(presets.rejector_names())}.",
         ),
     ] = None,
@@ -133,9 +139,12 @@ def animate(
         typer.Option(
             metavar="NAME",
             rich_help_panel=_METHOD,
+            autocompletion=completion.words(presets.aligner_names()),
             help=f"Another metric: {', '.join(presets.aligner_names())}.",
         ),
     ] = None,
+    quiet: Quiet = False,  # noqa: ARG001
+    verbose: Verbose = False,
 ) -> None:
     """Register SOURCE to TARGET, and film how it went.
 
@@ -158,13 +167,13 @@ def animate(
     from hmrf_icp.registration import register
 
     method = presets.method(preset, rejector, aligner)
-    _require_positive("--depth-scale", depth_scale, "units per metre")
-    _require_positive("--max-depth", max_depth, "metres")
+    require_positive("--depth-scale", depth_scale, "units per metre")
+    require_positive("--max-depth", max_depth, "metres")
     pixels = read_size(size)
     check_numbers(fps, pixels, seconds)
-    lens = _lens(camera, intrinsics)
+    lens = lens_of(camera, intrinsics)
     looked = viewpoint in (None, "auto", "none")
-    stood = None if looked or viewpoint is None else _position("--viewpoint", viewpoint)
+    stood = None if looked or viewpoint is None else position("--viewpoint", viewpoint)
     if search not in ("auto", "near", "everywhere"):
         raise InputError(f"--search: unknown {search!r}, expected auto, near or everywhere")
     start = None if init is None else read_pose(init)
@@ -182,12 +191,12 @@ def animate(
             bar(iteration)
 
         bar.stage("Reading")
-        moving, _ = _read(source, lens, depth_scale, max_depth)
-        staying, _ = _read(target, lens, depth_scale, max_depth)
+        moving, _ = read_input(source, lens, depth_scale, max_depth)
+        staying, _ = read_input(target, lens, depth_scale, max_depth)
         if stood is not None:
-            moving, staying = _seen_from(stood, moving), _seen_from(stood, staying)
+            moving, staying = seen_from(stood, moving), seen_from(stood, staying)
         bar.stage("Registering", total=most_iterations(method))
-        named_arguments = _arguments_named({"source": source, "target": target, "init": init})
+        named_arguments = arguments_named({"source": source, "target": target, "init": init})
         with named_arguments, told_of_compiling(bar):
             result = register(
                 moving,
@@ -196,6 +205,7 @@ def animate(
                 preset=method,
                 viewpoint=None if viewpoint == "none" else "auto",
                 search=cast("Where", search),
+                profile=verbose,
                 on_iteration=told,
             )
         plot.animate(
@@ -213,7 +223,7 @@ def animate(
             method=" with ".join(name for name in (preset, rejector, aligner) if name),
             on_progress=lambda done, total: bar.show("Drawing", done, total),
         )
-    typer.echo(summary(result, source.name, target.name, [output]))
+    say(summary(result, source.name, target.name, [output]))
     raise typer.Exit(0 if result.believed else NOT_BELIEVED)
 
 

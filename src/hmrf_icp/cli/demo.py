@@ -10,6 +10,8 @@ from typing import TYPE_CHECKING, Annotated
 import typer
 
 from hmrf_icp import presets
+from hmrf_icp.cli import completion
+from hmrf_icp.cli.loudness import Quiet, Verbose
 from hmrf_icp.errors import InputError
 
 if TYPE_CHECKING:
@@ -105,6 +107,8 @@ def demo(
     output: Annotated[
         Path,
         typer.Option(
+            "--output",
+            "-o",
             metavar="PATH",
             show_default=PICTURE,
             help="Where to write the picture: a folder, or a file (.png, .pdf, .svg).",
@@ -119,13 +123,19 @@ def demo(
         ),
     ] = None,
     preset: Annotated[
-        str, typer.Option(metavar="NAME", help=f"One of: {', '.join(presets.names())}.")
+        str,
+        typer.Option(
+            metavar="NAME",
+            autocompletion=completion.words(presets.names()),
+            help=f"One of: {', '.join(presets.names())}.",
+        ),
     ] = presets.DEFAULT,
     rejector: Annotated[
         str | None,
         typer.Option(
             metavar="NAME",
             show_default="the preset's own",
+            autocompletion=completion.words(presets.rejector_names()),
             help=f"Another rejection rule: {', '.join(presets.rejector_names())}.",
         ),
     ] = None,
@@ -142,6 +152,8 @@ def demo(
             metavar="K", min=1, max=16, help="Keep every K-th row and column of 640 x 480."
         ),
     ] = 4,
+    quiet: Quiet = False,  # noqa: ARG001
+    verbose: Verbose = False,
 ) -> None:
     """Register two depth maps of a desk scene, made here, and draw what happened.
 
@@ -184,6 +196,7 @@ def demo(
                 pair.target,
                 pair.init,
                 preset=method,
+                profile=verbose,
                 on_iteration=told,
             )
         bar.stage("Drawing")
@@ -251,20 +264,24 @@ def _print(
     files: list[Path],
 ) -> None:
     """Say on stdout how it went, failure included."""
-    from rich.console import Console
+    from hmrf_icp.cli.loudness import console
 
     height, width = pair.source.shape
-    console = Console(highlight=False)
-    console.print(f"Two depth maps of a desk, {width} x {height}, preset [bold]{preset}[/bold]")
-    console.print(f"The result: {result.verdict}", end="\n\n")
-    console.print(_table(pair, result))
+    screen = console()
+    screen.print(f"Two depth maps of a desk, {width} x {height}, preset [bold]{preset}[/bold]")
+    screen.print(f"The result: {result.verdict}", end="\n\n")
+    screen.print(_table(pair, result))
     if found:
         verdict = "[bold green]Registered[/]: the known pose was found"
     else:
         verdict = "[bold red]Missed[/]: the known pose was not found"
-    console.print(f"\n{verdict} (within {1000 * CLOSE:.0f} mm and {math.degrees(CLOSE):.1f} deg).")
+    screen.print(f"\n{verdict} (within {1000 * CLOSE:.0f} mm and {math.degrees(CLOSE):.1f} deg).")
     for kind, file in zip(("Picture", "Film"), files, strict=False):
-        console.print(f"{kind}: {file}", soft_wrap=True, markup=False)
+        screen.print(f"{kind}: {file}", soft_wrap=True, markup=False)
+    if result.profile is not None:
+        from hmrf_icp.cli.summary import stages
+
+        screen.print("", *stages(result.profile), sep="\n", soft_wrap=True, markup=False)
 
 
 def _table(pair: DeskPair, result: RegistrationResult) -> Table:

@@ -11,17 +11,36 @@ from typing import TYPE_CHECKING, Annotated, Any, NoReturn
 
 import typer
 
+from hmrf_icp.cli import completion
+from hmrf_icp.cli.loudness import Quiet, note, say
 from hmrf_icp.errors import HmrfIcpError, InputError
 
 if TYPE_CHECKING:
     from hmrf_icp.cli.evaluation_bar import EvaluationBar
     from hmrf_icp.evaluate import Configuration, Start
 
-QUICK_PAIRS = 12
+AXES = 16
+"""About which starts are turned, as in the paper."""
+
+QUICK_PAIRS, QUICK_AXES = 12, 1
 """Of ``--quick``."""
 
 _PROTOCOL = "Protocol"
 _MACHINES = "Machines"
+
+
+def _complete_methods(incomplete: str) -> list[str]:
+    """Of this package."""
+    from hmrf_icp.evaluate.methods import own_methods
+
+    return completion.listed(own_methods())(incomplete)
+
+
+def _complete_peers(incomplete: str) -> list[str]:
+    """Of others."""
+    from hmrf_icp.evaluate.peers import FAMILIES
+
+    return completion.listed(("none", *(family.name for family in FAMILIES)))(incomplete)
 
 
 def evaluate(
@@ -38,6 +57,8 @@ def evaluate(
     output: Annotated[
         Path | None,
         typer.Option(
+            "--output",
+            "-o",
             metavar="DIR",
             show_default="evaluation-DATASET",
             help="Where results.csv, pairs.csv, config.json and the report go.",
@@ -48,14 +69,17 @@ def evaluate(
         typer.Option(
             metavar="NAMES",
             show_default="all",
-            help="Of this package: hmrf, all, percent, sigma, x84, dynamic, and presets.",
+            autocompletion=_complete_methods,
+            help="Of this package: hmrf, all, percent, sigma, x84, dynamic, presets, and "
+            "colour, which needs clouds with colours.",
         ),
     ] = None,
     peers: Annotated[
         list[str] | None,
         typer.Option(
             metavar="NAMES",
-            show_default="all that are installed",
+            show_default="all that are installed and need no colours",
+            autocompletion=_complete_peers,
             help="Of others: a family (gicp, o3d-plane, ...), one setting (gicp@0.1), or none.",
         ),
     ] = None,
@@ -98,7 +122,7 @@ def evaluate(
         typer.Option(
             metavar="N",
             rich_help_panel=_PROTOCOL,
-            show_default="16; 1 with --quick",
+            show_default=f"{AXES}; {QUICK_AXES} with --quick",
             help="Random axes that starts are turned about.",
         ),
     ] = None,
@@ -146,7 +170,9 @@ def evaluate(
         bool,
         typer.Option(
             "--quick",
-            help="A first look: few pairs, spread over scenes and overlap, from one axis.",
+            help=f"A first look: {QUICK_PAIRS} pairs, spread over scenes and overlap, from starts "
+            f"about {QUICK_AXES} axis instead of {AXES}; the methods are the same. Says what it "
+            "leaves out.",
         ),
     ] = False,
     seed: Annotated[
@@ -173,6 +199,7 @@ def evaluate(
     fresh: Annotated[
         bool, typer.Option("--fresh", help="Remove an earlier evaluation in DIR and begin anew.")
     ] = False,
+    quiet: Quiet = False,  # noqa: ARG001
 ) -> None:
     """Compare registration methods on a recording, as the paper does.
 
@@ -182,6 +209,7 @@ def evaluate(
     Example: hmrf-icp evaluate ./kitchen --subsample 4 --angles pi/30,pi/10,pi/6+0.3
     """
     from hmrf_icp.cli.evaluation_bar import EvaluationBar
+    from hmrf_icp.cli.progress import told_of_compiling
     from hmrf_icp.evaluate import Configuration
     from hmrf_icp.evaluate import evaluate as run
 
@@ -192,7 +220,7 @@ def evaluate(
         targets=_numbers(reference_frame),
         frames_per_decile=frames_per_decile,
         starts=_starts(angles, translation),
-        axes=(1 if quick else 16) if axes is None else axes,
+        axes=(QUICK_AXES if quick else AXES) if axes is None else axes,
         subsample=subsample,
         points_alone=points_alone,
         pairs=QUICK_PAIRS if quick and pairs is None else pairs,
@@ -201,7 +229,12 @@ def evaluate(
         seed=seed,
     )
     folder = _default_output(configuration) if output is None else output
-    with EvaluationBar() as bar, _stoppable(bar, folder):
+    with EvaluationBar() as bar, _stoppable(bar, folder), told_of_compiling(bar):
+        if quick:
+            bar.note(
+                f"--quick: at most {configuration.pairs} pairs, and starts about "
+                f"{configuration.axes} of {AXES} axes; too few to rank methods that are close"
+            )
         done = run(
             configuration,
             folder,
@@ -287,10 +320,10 @@ def _stoppable(bar: EvaluationBar, folder: Path) -> Iterator[None]:
 
 def _print_standings(folder: Path) -> None:
     """Print who solved how much."""
-    from rich.console import Console
     from rich.markup import escape
     from rich.table import Table
 
+    from hmrf_icp.cli.tables import show
     from hmrf_icp.evaluate import standings
     from hmrf_icp.evaluate.report.runs import ReportedStart as Named
 
@@ -314,7 +347,7 @@ def _print_standings(folder: Path) -> None:
             f"{one.median_seconds:.2f} s",
             str(one.failures or ""),
         )
-    Console().print(table)
+    show(table)
 
 
 def _solved_words(folder: Path) -> str:
@@ -338,7 +371,7 @@ def _report(folder: Path) -> None:
         with stage_bar() as bar:
             files = write_report(folder, on_progress=bar.show)
     except HmrfIcpError as error:
-        typer.echo(f"Note: no report was written: {error}", err=True)
-        typer.echo(f"Results: {folder / 'results.csv'}")
+        note(f"no report was written: {error}")
+        say(f"Results: {folder / 'results.csv'}")
         return
-    typer.echo(f"Report: {files.page}")
+    say(f"Report: {files.page}")

@@ -4,8 +4,8 @@ from __future__ import annotations
 
 import time
 from types import TracebackType
+from typing import TYPE_CHECKING
 
-from rich.console import Console
 from rich.filesize import decimal
 from rich.progress import (
     BarColumn,
@@ -21,7 +21,12 @@ from rich.progress import (
 )
 from rich.text import Text
 
+from hmrf_icp.cli.loudness import console, is_quiet
+from hmrf_icp.cli.progress import COMPILING, tell
 from hmrf_icp.evaluate.progress import IN_BYTES
+
+if TYPE_CHECKING:
+    from hmrf_icp.loop.icp import Iteration
 
 SPEED_SECONDS = 300.0
 """Time over which the speed is averaged: runs of different methods differ by a hundred times."""
@@ -44,7 +49,7 @@ class EvaluationBar:
         self.stage = ""
         self.done = 0
         self.total: int | None = 0
-        self._console = Console(stderr=True)
+        self._console = console(stderr=True)
         self._progress = Progress(
             TextColumn("{task.description}"),
             BarColumn(),
@@ -53,7 +58,7 @@ class EvaluationBar:
             TextColumn("left"),
             TimeRemainingColumn(),
             console=self._console,
-            disable=not self._console.is_terminal,
+            disable=is_quiet() or not self._console.is_terminal,
             redirect_stdout=False,
             speed_estimate_period=SPEED_SECONDS,
         )
@@ -89,7 +94,19 @@ class EvaluationBar:
 
     def note(self, text: str) -> None:
         """Say something above the bar."""
-        self._console.print(f"Note: {text}", markup=False, highlight=False, soft_wrap=True)
+        self.line(f"Note: {text}")
+
+    def line(self, text: str) -> None:
+        """Print above the bar."""
+        self._console.print(text, markup=False, highlight=False, soft_wrap=True)
+
+    def compiling(self) -> None:
+        """Say why nothing moves."""
+        self.note(COMPILING)
+
+    def iteration(self, iteration: Iteration) -> None:
+        """Say a line of an iteration; give it to ``register`` as ``on_iteration``."""
+        tell(iteration, self._console)
 
 
 def _in_bytes(stage: str) -> bool:

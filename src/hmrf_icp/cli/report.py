@@ -7,6 +7,7 @@ from typing import TYPE_CHECKING, Annotated
 
 import typer
 
+from hmrf_icp.cli.loudness import Quiet, say
 from hmrf_icp.errors import InputError
 
 if TYPE_CHECKING:
@@ -47,6 +48,7 @@ def report(
             "still there.",
         ),
     ] = 6,
+    quiet: Quiet = False,  # noqa: ARG001
 ) -> None:
     """Make the report of an evaluation again: figures, tables, one page.
 
@@ -60,8 +62,8 @@ def report(
     with stage_bar() as bar:
         files = write_report(folder, solved, paper_csv or (), worst, on_progress=bar.show)
     for sentence in files.summary:
-        typer.echo(sentence)
-    typer.echo(f"Report: {files.page}")
+        say(sentence)
+    say(f"Report: {files.page}")
 
 
 def _read_success(text: str) -> Success:

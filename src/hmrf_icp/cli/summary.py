@@ -41,8 +41,8 @@ def summary(
         "",
         f"  {state} after {count(result.iterations, 'iteration')}",
         f"  overlap      {result.overlap:.1%} of the source's surface",
-        f"  inlier RMSE  {_length(result.inlier_rmse)}, {result.fitness:.1%} of the points",
-        f"  motion       {_length(se3.translation_norm(motion))}, "
+        f"  inlier RMSE  {length(result.inlier_rmse)}, {result.fitness:.1%} of the points",
+        f"  motion       {length(se3.translation_norm(motion))}, "
         f"{math.degrees(se3.rotation_angle(motion)):.3f} deg",
         *_views(result),
         f"  time         {result.seconds:.2f} s, {count(result.em_iterations, 'EM step')}",
@@ -52,7 +52,7 @@ def summary(
         *("  " + " ".join(f"{value:13.8f}" for value in row) for row in motion.tolist()),
     ]
     if result.profile is not None:
-        lines += ["", *_stages(result.profile)]
+        lines += ["", *stages(result.profile)]
     if written:
         lines += ["", *(f"  written: {path}" for path in written)]
     return "\n".join(lines)
@@ -78,7 +78,7 @@ def json_text(result: RegistrationResult, also: Mapping[str, Any]) -> str:
     ]
     if result.profile is not None:
         content["profile"] = [asdict(stage) for stage in result.profile]
-    return json.dumps(_plain(content | dict(also)), allow_nan=False)
+    return json.dumps(plain(content | dict(also)), allow_nan=False)
 
 
 def _views(result: RegistrationResult) -> list[str]:
@@ -91,7 +91,7 @@ def _views(result: RegistrationResult) -> list[str]:
     ]
 
 
-def _stages(profile: Sequence[Stage]) -> list[str]:
+def stages(profile: Sequence[Stage]) -> list[str]:
     """Lines of a table of the stages, the longest first."""
     total = sum(stage.seconds for stage in profile)
     rows = [
@@ -113,18 +113,19 @@ def _left_alone(result: RegistrationResult) -> list[str]:
     ]
 
 
-def _plain(value: Any) -> Any:
+def plain(value: Any) -> Any:
     """Reduce to what strict JSON has: no array, no path, null for NaN and infinity."""
     if hasattr(value, "tolist"):  # an array, or one of NumPy's own numbers
         value = value.tolist()
     if isinstance(value, dict):
-        return {name: _plain(item) for name, item in value.items()}
+        return {name: plain(item) for name, item in value.items()}
     if isinstance(value, (list, tuple)):
-        return [_plain(item) for item in value]
+        return [plain(item) for item in value]
     if isinstance(value, float) and not math.isfinite(value):
         return None
     return str(value) if isinstance(value, Path) else value
 
 
-def _length(metres: float) -> str:
+def length(metres: float) -> str:
+    """Write a length with its unit: millimetres below a decimetre."""
     return f"{1000 * metres:.3g} mm" if metres < 0.1 else f"{metres:.4g} m"

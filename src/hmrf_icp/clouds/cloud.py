@@ -196,9 +196,12 @@ class PointCloud:
         return laid
 
     def derived(
-        self, points: NDArray[np.float64], viewpoint: NDArray[np.float64] | None
+        self,
+        points: NDArray[np.float64],
+        viewpoint: NDArray[np.float64] | None,
+        attributes: Mapping[str, NDArray[Any]] | None = None,
     ) -> PointCloud:
-        """Return a cloud of some or all of its points, moved or not, without what is beside them.
+        """Return a cloud of some or all of its points, moved or not, without its normals.
 
         What stands for nothing was left out before: every point that is given stays one, also
         at the viewpoint, which may be assumed.
@@ -208,7 +211,8 @@ class PointCloud:
             if array is not None:
                 array.flags.writeable = False
         values: dict[str, Any] = {"points": points, "viewpoint": viewpoint, "notes": self.notes}
-        values |= {"camera": None, "normals": None, "attributes": Attributes({}, points.shape[:-1])}
+        values |= {"camera": None, "normals": None}
+        values["attributes"] = Attributes.of(attributes or {}, points.shape[:-1])
         for name, value in values.items():
             object.__setattr__(cloud, name, value)
         return cloud

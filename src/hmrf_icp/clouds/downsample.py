@@ -10,6 +10,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from hmrf_icp.clouds.cloud import PointCloud
+from hmrf_icp.clouds.per_point import Attributes
 from hmrf_icp.clouds.tree import Tree
 from hmrf_icp.stages import stage
 
@@ -101,7 +102,9 @@ def _one_a_cell(cloud: PointCloud, most: int) -> Downsampled:
     owner = np.empty(len(points), np.int32)
     cells = Cells(points)
     rows = cells.first(_edge(cells, points, most), owner=owner)
-    few = cloud.derived(points[rows], cloud.viewpoint)
+    held = cloud.attributes
+    beside = held.at(cloud.observed, rows) if isinstance(held, Attributes) and held else None
+    few = cloud.derived(points[rows], cloud.viewpoint, beside)
     return Downsampled(few, lambda: owner.astype(np.intp))
 
 

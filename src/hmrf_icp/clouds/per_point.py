@@ -38,6 +38,20 @@ class Attributes(Mapping[str, NDArray[Any]]):
             for name, values in arrays.items()
         }
 
+    @classmethod
+    def of(cls, arrays: Mapping[str, ArrayLike], shape: tuple[int, ...]) -> Attributes:
+        """Take arrays as the constructor does; attributes, which do not change, as they are."""
+        return arrays if isinstance(arrays, cls) else cls(arrays, shape)
+
+    def at(self, observed: NDArray[np.bool_], rows: NDArray[np.integer]) -> Attributes:
+        """Take those of some rows of the observed points, in the order of ``rows``."""
+        places = np.flatnonzero(observed)[rows]
+        flat = {
+            name: values.reshape(observed.size, *values.shape[observed.ndim :])[places]
+            for name, values in self._arrays.items()
+        }
+        return Attributes(flat, places.shape)
+
     def __getitem__(self, name: str) -> NDArray[Any]:
         return self._arrays[name]
 

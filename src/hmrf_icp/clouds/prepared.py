@@ -21,6 +21,7 @@ from hmrf_icp.clouds.cloud import PointCloud, PointCloudLike, as_cloud, require_
 from hmrf_icp.clouds.downsample import Downsampled, downsample
 from hmrf_icp.clouds.range_image import RangeImage, range_image
 from hmrf_icp.clouds.sensor_view import SensorView, find_view, given_view
+from hmrf_icp.clouds.shading import Shading, shading
 from hmrf_icp.clouds.surface import Surface, surface
 from hmrf_icp.clouds.tree import Tree
 from hmrf_icp.errors import InputError
@@ -124,6 +125,17 @@ class PreparedCloud:
         return replace(fitted, oriented=False) if self.seen_from.kind == "assumed" else fitted
 
     @cached_property
+    def shading(self) -> Shading:
+        """How bright the observed points are, and how that changes along the surface.
+
+        Raises
+        ------
+        InputError
+            The cloud has no colours.
+        """
+        return shading(self.cloud, self.surface, self.tree)
+
+    @cached_property
     @stage("border")
     def border(self) -> NDArray[np.bool_]:
         """(M,) Which observed points are at the border of their surface."""
@@ -153,9 +165,16 @@ class PreparedCloud:
             return self
         seen = find_view(self.cloud, self.downsampled(POINTS).surface, -self.origin)
         if seen.camera is not None:
-            cloud = PointCloud(self.cloud.points, seen.camera, notes=self.cloud.notes)
+            cloud = PointCloud(
+                self.cloud.points,
+                seen.camera,
+                attributes=self.cloud.attributes,
+                notes=self.cloud.notes,
+            )
         else:
-            cloud = self.cloud.derived(self.cloud.points, np.array(seen.place))
+            cloud = self.cloud.derived(
+                self.cloud.points, np.array(seen.place), self.cloud.attributes
+            )
         return PreparedCloud(cloud, self.origin, seen.view)
 
     @property
@@ -271,4 +290,6 @@ def prepare(
     unit = 10.0 ** math.floor(math.log10(size)) if size > 0.0 else 1.0
     origin = np.round(centre / unit) * unit
     stood = None if given.viewpoint is None else given.viewpoint - origin
-    return PreparedCloud(given.derived(given.points - origin, stood), origin, look=look)
+    return PreparedCloud(
+        given.derived(given.points - origin, stood, given.attributes), origin, look=look
+    )

@@ -131,7 +131,13 @@ def evaluate(
         if not (folder / PAIRS).is_file():
             found = source.find(complete, clouds, team, report)
             if complete.pairs is not None:
+                before = len(found)
                 found = protocol.spread(found, complete.pairs, complete.seed)
+                if len(found) < before:
+                    tell(
+                        f"{len(found):,} of {before:,} pairs, spread over scenes and overlap; "
+                        f"{before - len(found):,} are left out"
+                    )
             _write_pairs(folder / PAIRS, found)
         pairs = _read_pairs(folder / PAIRS)
         _require_known(folder / PAIRS, pairs, source)

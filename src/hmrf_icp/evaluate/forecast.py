@@ -18,6 +18,8 @@ SECONDS = {
     "kiss-gicp": 0.6,
     "fpfh": 1.2,
     "fpfh-gicp": 1.6,
+    "colour": 2.5,
+    "cpd": 2.0,
 }
 """Seconds of one core a run: kitchens, tables and fragments, on a server of 2025."""
 

@@ -64,7 +64,11 @@ class NamedMethod:
         return self.name.partition("@")[0]
 
 
-def _own(name: str, preset: str, rejector: str | None) -> NamedMethod:
+COLOUR = "colour"
+"""The default with colours as evidence: only where it is asked for, since most data has none."""
+
+
+def _own(name: str, preset: str, rejector: str | None, aligner: str | None = None) -> NamedMethod:
     def register(source: Prepared, target: Prepared, init: NDArray[np.float64] | None) -> Estimate:
         import hmrf_icp
         from hmrf_icp import presets
@@ -75,6 +79,7 @@ def _own(name: str, preset: str, rejector: str | None) -> NamedMethod:
             init,
             preset=presets.preset(preset),
             rejector=None if rejector is None else presets.rejector(rejector),
+            aligner=None if aligner is None else presets.aligner(aligner),
         )
         return Estimate(
             transformation=result.transformation,
@@ -88,8 +93,17 @@ def _own(name: str, preset: str, rejector: str | None) -> NamedMethod:
     return NamedMethod(name, register)
 
 
+def preset_of(name: str) -> tuple[str, str | None] | None:
+    """Return preset and rejector of a method of the package's own; None of any other."""
+    from hmrf_icp import presets
+
+    if name in PAPER_METHODS:
+        return "paper", name
+    return (name, None) if name in presets.names() else None
+
+
 def own_methods() -> dict[str, NamedMethod]:
-    """Return the package's own by name: the six of the paper, then its other presets."""
+    """Return the package's own by name: the paper's six, other presets, the default with colour."""
     from hmrf_icp import presets
 
     methods = {name: _own(name, "paper", name) for name in PAPER_METHODS}
@@ -97,6 +111,7 @@ def own_methods() -> dict[str, NamedMethod]:
     for preset in presets.names():
         if preset != "paper":
             methods[preset] = _own(preset, preset, None)
+    methods[COLOUR] = _own(COLOUR, presets.DEFAULT, None, "colour")
     return methods
 
 
@@ -118,7 +133,8 @@ def usual(listed: bool, points_alone: bool) -> tuple[str, ...]:
 
     if listed:
         return (presets.DEFAULT,)
-    return tuple(n for n in own_methods() if not (points_alone and n in NEED_A_GRID))
+    unasked = (COLOUR, *(NEED_A_GRID if points_alone else ()))
+    return tuple(name for name in own_methods() if name not in unasked)
 
 
 def choose(names: Iterable[str] | None) -> tuple[NamedMethod, ...]:
@@ -127,7 +143,7 @@ def choose(names: Iterable[str] | None) -> tuple[NamedMethod, ...]:
     Parameters
     ----------
     names
-        None means every one; ``paper`` is another name of ``hmrf``.
+        None means every one but ``colour``; ``paper`` is another name of ``hmrf``.
 
     Raises
     ------
@@ -136,7 +152,7 @@ def choose(names: Iterable[str] | None) -> tuple[NamedMethod, ...]:
     """
     known = own_methods()
     if names is None:
-        return tuple(known.values())
+        return tuple(method for name, method in known.items() if name != COLOUR)
     wanted = {"hmrf" if name == "paper" else name for name in names}
     unknown = sorted(wanted - set(known))
     if unknown:

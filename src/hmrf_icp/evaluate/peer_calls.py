@@ -43,7 +43,9 @@ class NoAnswerError(Exception):
 # --- Open3D -----------------------------------------------------------------------------------
 
 
-def _open3d_cloud(cloud: Prepared) -> Any:
+def open3d_cloud(cloud: Prepared) -> Any:
+    """Return the points as Open3D's cloud, with normals."""
+
     def build() -> Any:
         import open3d as o3d
 
@@ -66,7 +68,7 @@ def open3d(source: Prepared, target: Prepared, init: Array, reach: float, metric
         "tukey": lambda: pipeline.TransformationEstimationPointToPlane(pipeline.TukeyLoss(k=reach)),
     }[metric]()
     furthest = 3.0 * reach if metric == "tukey" else reach
-    return _align(_open3d_cloud(source), _open3d_cloud(target), init, furthest, estimation)
+    return _align(open3d_cloud(source), open3d_cloud(target), init, furthest, estimation)
 
 
 def open3d_multiscale(source: Prepared, target: Prepared, init: Array, reach: float) -> Estimate:
@@ -92,7 +94,7 @@ def open3d_multiscale(source: Prepared, target: Prepared, init: Array, reach: fl
 
 
 def _open3d_thinned(cloud: Prepared, voxel: float) -> Any:
-    whole = _open3d_cloud(cloud)
+    whole = open3d_cloud(cloud)
     if voxel == 0.0:
         return whole
     return cloud.derived(("open3d", voxel), lambda: whole.voxel_down_sample(voxel))
@@ -173,7 +175,7 @@ def fricp(source: Prepared, target: Prepared, init: Array, metric: str) -> Estim
     def build() -> Any:
         if metric == "point_to_point":
             return fricp_cpp.Target(target.points)
-        return fricp_cpp.Target(target.points, np.asarray(_open3d_cloud(target).normals))
+        return fricp_cpp.Target(target.points, np.asarray(open3d_cloud(target).normals))
 
     result = fricp_cpp.registration_icp(
         source.points,
@@ -192,7 +194,9 @@ def fricp(source: Prepared, target: Prepared, init: Array, metric: str) -> Estim
 # --- FPFH and RANSAC --------------------------------------------------------------------------
 
 
-def _features(cloud: Prepared, voxel: float) -> tuple[Any, Any]:
+def features(cloud: Prepared, voxel: float) -> tuple[Any, Any]:
+    """Return the cloud thinned to voxels, and their FPFH."""
+
     def build() -> tuple[Any, Any]:
         import open3d as o3d
 
@@ -217,7 +221,7 @@ def fpfh(source: Prepared, target: Prepared, reach: float, refined: bool) -> Est
     voxel = reach / 2
 
     def match() -> Estimate:
-        (moving, theirs), (fixed, ours) = _features(source, voxel), _features(target, voxel)
+        (moving, theirs), (fixed, ours) = features(source, voxel), features(target, voxel)
         o3d.utility.random.seed(0)
         found = pipeline.registration_ransac_based_on_feature_matching(
             moving,

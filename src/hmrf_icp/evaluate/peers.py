@@ -7,6 +7,7 @@ from __future__ import annotations
 
 from collections.abc import Callable, Iterable
 from dataclasses import dataclass
+from importlib.metadata import version
 from importlib.util import find_spec
 from typing import Any, TypeAlias
 
@@ -14,7 +15,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from hmrf_icp.errors import InputError
-from hmrf_icp.evaluate import peer_calls
+from hmrf_icp.evaluate import more_peer_calls, peer_calls
 from hmrf_icp.evaluate.methods import Estimate, NamedMethod
 from hmrf_icp.evaluate.prepared import Prepared
 
@@ -47,12 +48,18 @@ class Family:
         Makes the method for a threshold in metres (0 where it wants none).
     thresholds
         Empty where it wants none.
+    usual
+        Whether it is among all: what needs colours is run where it is asked for by name.
+    since
+        A library and the first version, major and minor, that has it.
     """
 
     name: str
     libraries: tuple[str, ...]
     build: Callable[[float], Register]
     thresholds: tuple[float, ...] = THRESHOLDS
+    usual: bool = True
+    since: tuple[str, int, int] | None = None
 
     def shares(self) -> tuple[NamedMethod, ...]:
         """Return the method at a share of the clouds' size, in place of metres."""
@@ -68,7 +75,13 @@ class Family:
     @property
     def missing(self) -> tuple[str, ...]:
         """What it needs and is not installed."""
-        return tuple(library for library in self.libraries if find_spec(library) is None)
+        lacking = tuple(library for library in self.libraries if find_spec(library) is None)
+        if lacking or self.since is None:
+            return lacking
+        library, *least = self.since
+        major, minor = (int(word) for word in version(library).split(".")[:2])
+        newer = f"{library} {least[0]}.{least[1]} or newer"
+        return () if [major, minor] >= least else (newer,)
 
     def methods(self) -> tuple[NamedMethod, ...]:
         """Return one method a threshold."""
@@ -101,6 +114,23 @@ FAMILIES = (
         lambda reach: _fpfh_of(reach, True),
         VOXELS_MATCHED,
     ),
+    Family("fgr", ("open3d",), lambda reach: _fgr_of(reach, False), VOXELS_MATCHED),
+    Family(
+        "fgr-gicp", ("open3d", "small_gicp"), lambda reach: _fgr_of(reach, True), VOXELS_MATCHED
+    ),
+    Family(
+        "ndt",
+        ("open3d",),
+        lambda reach: _bind(more_peer_calls.ndt, reach),
+        since=("open3d", 0, 20),
+    ),
+    Family("cpd", ("pycpd",), lambda _: _bind(more_peer_calls.cpd), ()),
+    Family(
+        "o3d-colour",
+        ("open3d",),
+        lambda reach: _bind(more_peer_calls.coloured, reach),
+        usual=False,
+    ),
 )
 
 FOR_PAIRS = ("gicp", "kiss-gicp", "fpfh", "fpfh-gicp")
@@ -132,7 +162,14 @@ def _fpfh_of(reach: float, refined: bool) -> Register:
     return register
 
 
-START_FREE = ("kiss-gicp", "fpfh", "fpfh-gicp")
+def _fgr_of(reach: float, refined: bool) -> Register:
+    def register(source: Prepared, target: Prepared, init: Array | None) -> Estimate:  # noqa: ARG001
+        return more_peer_calls.fgr(source, target, reach, refined)
+
+    return register
+
+
+START_FREE = ("kiss-gicp", "fpfh", "fpfh-gicp", "fgr", "fgr-gicp")
 """Families that do not look at the start."""
 
 
@@ -160,7 +197,8 @@ def choose(names: Iterable[str] | None, metres: bool = True) -> Choice:
     ----------
     names
         A family (``gicp``: at every threshold) or one setting (``gicp@0.1``, ``gicp@8%``);
-        None means all.
+        None means all that need
+        no colours.
     metres
         Whether the clouds are in metres; a family's thresholds are shares of their size if not.
 
@@ -170,7 +208,8 @@ def choose(names: Iterable[str] | None, metres: bool = True) -> Choice:
         An unknown name; the message lists the known ones.
     """
     families = {family.name: family for family in FAMILIES}
-    wanted = set(families) if names is None else set(names)
+    every_usual = {name for name, family in families.items() if family.usual}
+    wanted = every_usual if names is None else set(names)
     unknown = sorted(wanted - set(families) - set(catalogue()))
     if unknown:
         raise InputError(

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Callable
 from dataclasses import dataclass, field
 from typing import Any
 
@@ -28,7 +29,15 @@ SEEN = 20_000
 class Recording:
     """What a registration told while it ran; give it to ``register`` as ``on_iteration``.
 
-    A film of a search shows with it where the candidates ended that were tried and not kept.
+    A film of a search shows with it where the candidates ended that were tried and not kept, and
+    the viewer every pose that was passed through.
+
+    Parameters
+    ----------
+    iterations
+        Those told so far.
+    also
+        Somebody else who wants to be told, such as a progress bar.
 
     Examples
     --------
@@ -44,10 +53,13 @@ class Recording:
     """
 
     iterations: list[Iteration] = field(default_factory=list)
+    also: Callable[[Iteration], None] | None = None
 
     def __call__(self, iteration: Iteration) -> None:
         """Keep an iteration."""
         self.iterations.append(iteration)
+        if self.also is not None:
+            self.also(iteration)
 
     def tried(self, result: RegistrationResult) -> tuple[Iteration, ...]:
         """Last iteration of each loop that did not lead to the result, in their order.
@@ -65,13 +77,18 @@ class Recording:
 
 def _ends(one: Iteration, following: Iteration | None) -> bool:
     """Whether a loop ended with an iteration, by what was told next."""
-    if following is None or following.iteration != one.iteration + 1:
-        return True
+    return following is None or not follows(one, following)
+
+
+def follows(one: Iteration, following: Iteration) -> bool:
+    """Whether an iteration leads on from another: by its number, and by how far it turned."""
+    if following.iteration != one.iteration + 1:
+        return False
     before, after = one.transformation, following.transformation
     if before is None or after is None:
-        return False
+        return True
     turned = se3.rotation_angle(after @ se3.inverse(before))
-    return abs(turned - following.step_rotation) > SAME_TURN
+    return abs(turned - following.step_rotation) <= SAME_TURN
 
 
 @dataclass(frozen=True, eq=False)

@@ -85,23 +85,25 @@ def split(information: Array, noise: Array) -> Split:
     ----------
     information
         (6, 6) gathered from the sums of normals, in coordinates in which a unit
-        of rotation and one of translation move the points about equally far.
+        of rotation and one of translation move the points about equally far; or (n, n),
+        of a subspace of motions.
     noise
-        (6, 6) gathered in the same way from what noise makes of their differences.
+        As large, gathered in the same way from what noise makes of their differences.
     """
     finite = bool(np.isfinite(information).all() and np.isfinite(noise).all())
-    largest = float(np.linalg.eigvalsh(information)[-1]) if finite else 0.0
+    largest = float(np.linalg.eigvalsh(information)[-1]) if finite and information.size else 0.0
+    unknowns = len(information)
     if not largest > 0.0:
-        return Split(np.eye(6), np.zeros((6, 0)), 0.0)
+        return Split(np.eye(unknowns), np.zeros((unknowns, 0)), 0.0)
     # Directions v with v'Av < v'Bv, A v = lambda B v: through B = LL', a symmetric problem.
-    root = np.linalg.cholesky(SIGNAL * noise + FLAT * largest * np.eye(6))
+    root = np.linalg.cholesky(SIGNAL * noise + FLAT * largest * np.eye(unknowns))
     half = np.linalg.solve(root, information)
     ratio, directions = np.linalg.eigh(np.linalg.solve(root, half.T))
     count, weakest = int(np.count_nonzero(ratio < 1.0)), max(float(ratio[0]), 0.0)
     if count == 0:
-        return Split(np.zeros((6, 0)), np.eye(6), weakest)
+        return Split(np.zeros((unknowns, 0)), np.eye(unknowns), weakest)
     free = np.linalg.solve(root.T, directions[:, :count])
-    basis, _ = np.linalg.qr(np.hstack([free, np.eye(6)]))
+    basis, _ = np.linalg.qr(np.hstack([free, np.eye(unknowns)]))
     return Split(basis[:, :count], basis[:, count:], weakest)
 
 

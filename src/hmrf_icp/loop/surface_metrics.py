@@ -86,9 +86,61 @@ class Matched(NamedTuple):
     trust: Array
 
 
+class Frame(NamedTuple):
+    """Where the equations are measured from, and in what: about equally far for both halves.
+
+    Attributes
+    ----------
+    centre
+        (3,) weighted mean of the matched points.
+    length
+        Their root mean square distance from it, metres: a turn of a radian moves them so far.
+    units
+        (6,) what a twist in these units is multiplied by to be one in radians and metres.
+    """
+
+    centre: Array
+    length: float
+    units: Array
+
+    def scaled(self, sums: Array) -> Array:
+        """Return the (6, 6) matrix of a pass in these units."""
+        return np.asarray(matrix(sums) * np.outer(self.units, self.units))
+
+
+class Told(NamedTuple):
+    """What matches tell of the pose, in the units of a :class:`Frame`.
+
+    Attributes
+    ----------
+    information
+        (6, 6) inverse covariance of a twist.
+    follow
+        (6, k) directions along which the equations are followed.
+    by_normals
+        (6, l) those of them that the normals determine.
+    sure
+        (6, j) those that are told as known.
+    free
+        (6, 6 - j) those that are told as free.
+    weakest
+        As in :class:`~hmrf_icp.loop.align.Step`.
+    excess
+        How many times the expected squares the residuals along the normals have.
+    """
+
+    information: Array
+    follow: Array
+    by_normals: Array
+    sure: Array
+    free: Array
+    weakest: float
+    excess: float
+
+
 @dataclass(frozen=True)
 class SurfaceMetric:
-    """What the three metrics share.
+    """What the metrics share.
 
     Parameters
     ----------
@@ -127,33 +179,54 @@ class SurfaceMetric:
         """Sum the normal equations at ``pose``, laid out as in the kernels."""
         raise NotImplementedError
 
-    def _step(self, m: Matched) -> Step | None:
+    def told(self, m: Matched, frame: Frame) -> Told:
+        """Tell what the normals know, and along which directions they are followed."""
         from hmrf_icp.kernels.geometry import geometry
+        from hmrf_icp.kernels.normal_equations import COST
+
+        truth, noise, trusted, trusted_noise = geometry(
+            *m[:6], m.normal_noise, m.trust, frame.centre
+        )
+        information = frame.scaled(truth)
+        bound = split(information, frame.scaled(noise)).bound
+        judged = split(frame.scaled(trusted), frame.scaled(trusted_noise))
+        if judged.bound.shape[1] == bound.shape[1]:
+            bound = judged.bound
+        more = excess(truth[COST], m.chance)
+        return Told(
+            information=information / more,
+            follow=bound,
+            by_normals=bound,
+            sure=judged.bound,
+            free=judged.free,
+            weakest=judged.weakest,
+            excess=more,
+        )
+
+    def equations(self, m: Matched, motion: Array, frame: Frame, told: Told) -> tuple[Array, Array]:
+        """Return matrix (6, 6) and gradient (6,) of a Gauss-Newton step at ``motion``."""
         from hmrf_icp.kernels.normal_equations import COST, GRADIENT
 
+        found = self.sums(m, motion, frame.centre)
+        return frame.scaled(found), found[GRADIENT:COST] * frame.units
+
+    def _step(self, m: Matched) -> Step | None:
         if np.count_nonzero(m.weight) < UNKNOWNS:
             return None
         centre, length = extent(m.points, m.weight)
         if not length > 0.0:
             return None
-        # Rotation in units of the scene: both halves of a twist move the points about equally far.
         units = np.array([1 / length] * 3 + [1.0] * 3)
-        both = np.outer(units, units)
-        truth, noise, trusted, trusted_noise = geometry(*m[:6], m.normal_noise, m.trust, centre)
-        information = matrix(truth) * both
-        bound = split(information, matrix(noise) * both).bound
+        frame = Frame(centre, length, units)
+        told = self.told(m, frame)
+        bound = told.follow
         if bound.shape[1] == 0:
             return None
-        judged = split(matrix(trusted) * both, matrix(trusted_noise) * both)
-        if judged.bound.shape[1] == bound.shape[1]:
-            bound = judged.bound
 
         motion = np.eye(4)
         for _ in range(INNER_STEPS):
-            found = self.sums(m, motion, centre)
-            hessian = bound.T @ (matrix(found) * both) @ bound
-            gradient = bound.T @ (found[GRADIENT:COST] * units)
-            least = least_squares(hessian, gradient)
+            hessian, gradient = self.equations(m, motion, frame, told)
+            least = least_squares(bound.T @ hessian @ bound, bound.T @ gradient)
             if least is None:
                 return None
             step = bound @ least
@@ -164,13 +237,13 @@ class SurfaceMetric:
                 break
 
         # What edges and bends alone speak for is followed, and not told as known.
-        sure = judged.bound
-        known = sure @ (sure.T @ information @ sure) @ sure.T / both
+        sure = told.sure
+        known = sure @ (sure.T @ told.information @ sure) @ sure.T / np.outer(units, units)
         return Step(
             se3.rigid(np.eye(3), centre) @ motion @ se3.rigid(np.eye(3), -centre),
-            about_origin(known, centre) / excess(truth[COST], m.chance),
-            unit_twists(judged.free, length, centre),
-            judged.weakest,
+            about_origin(known, centre),
+            unit_twists(told.free, length, centre),
+            told.weakest,
         )
 
 

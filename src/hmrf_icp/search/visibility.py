@@ -155,12 +155,9 @@ class VisibilityTest:
     def __init__(self, source: PreparedCloud, target: PreparedCloud, count: int) -> None:
         self._of_source = Sample.of(source.surface, count)
         self._of_target = Sample.of(target.surface, count)
-        by_source, by_target = source.range_image, target.range_image
-        self.views = by_source is not None and by_target is not None
+        self._by_source, self._by_target, self.views = knowing(source, target)
         self._size = target.surface.size
         self._from_origins = source.image_from_origin, target.image_from_origin
-        self._by_source: Asked = by_source if by_source and by_target else NearSurface(source)
-        self._by_target: Asked = by_target if by_source and by_target else NearSurface(target)
 
     @stage("visibility")
     def __call__(self, pose: Array) -> Visibility:
@@ -203,6 +200,14 @@ class VisibilityTest:
         few = FEW * len(seen)
         agree, front = np.count_nonzero(seen == AGREE), np.count_nonzero(seen == FRONT)
         return math.log((agree + few) / (front + few))
+
+
+def knowing(source: PreparedCloud, target: PreparedCloud) -> tuple[Asked, Asked, bool]:
+    """Say who can be asked of each cloud, and whether both are what a sensor saw."""
+    by_source, by_target = source.range_image, target.range_image
+    if by_source is not None and by_target is not None:
+        return by_source, by_target, True
+    return NearSurface(source), NearSurface(target), False
 
 
 def least_spread(vectors: Array) -> float:

@@ -7,6 +7,7 @@ from collections.abc import Iterable, Mapping, Sequence
 from dataclasses import dataclass
 from typing import Any, Literal
 
+from hmrf_icp.evaluate.methods import COLOUR
 from hmrf_icp.evaluate.peers import START_FREE
 from hmrf_icp.evaluate.report.published import PAPER_ORDER
 from hmrf_icp.evaluate.report.runs import Runs, Success
@@ -34,6 +35,12 @@ LABELS = {
     "kiss-gicp": "KISS-Matcher, then GICP",
     "fpfh": "FPFH and RANSAC",
     "fpfh-gicp": "FPFH and RANSAC, then GICP",
+    "fgr": "Fast Global Registration",
+    "fgr-gicp": "Fast Global Registration, then GICP",
+    "ndt": "Open3D NDT",
+    "cpd": "Coherent Point Drift",
+    "o3d-colour": "Open3D coloured",
+    "colour": "Default with colour",
 }
 """The paper's legend, and the peers in words; other names are shown as they are."""
 
@@ -92,7 +99,7 @@ class Roster:
         """
         from hmrf_icp import presets
 
-        own = {*PAPER_ORDER, *presets.names(), *_names(config.get("methods"))}
+        own = {*PAPER_ORDER, *presets.names(), COLOUR, *_names(config.get("methods"))}
         found = (describe(name, own) for name in runs.methods)
         rank = {name: place for place, name in enumerate(PAPER_ORDER)}
         kinds: tuple[Kind, ...] = ("paper", "preset", "peer")

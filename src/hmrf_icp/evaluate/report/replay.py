@@ -66,6 +66,24 @@ def shown_runs(study: Study, count: int, report: Progress = silent) -> tuple[lis
 
 
 @dataclass(frozen=True, eq=False)
+class Problem:
+    """What a run was given.
+
+    Attributes
+    ----------
+    source, target
+        The clouds.
+    init, truth
+        (4, 4) the start, None where there was none, and the true pose.
+    """
+
+    source: Prepared
+    target: Prepared
+    init: Array | None
+    truth: Array
+
+
+@dataclass(frozen=True, eq=False)
 class Replay:
     """The data of an evaluation, and the starts that it used.
 
@@ -120,15 +138,15 @@ class Replay:
             {**own_methods(), **peers.catalogue()},
         )
 
-    def draw(self, study: Study, run: WorstRun, name: str) -> Drawing:
-        """Register the pair again and draw what came out.
+    def problem(self, study: Study, index: int) -> Problem:
+        """Read what the run of a row was given.
 
         Raises
         ------
         InputError
-            A frame cannot be read, or the method is not in this installation.
+            A frame cannot be read, or the row is none of this evaluation.
         """
-        row = study.runs.where(np.array([run.index]))
+        row = study.runs.where(np.array([index]))
         axis = _whole(row, "axis")
         if axis >= len(self.axes):
             raise InputError(f"row {row.line[0]} has axis {axis} of {len(self.axes)}")
@@ -142,10 +160,28 @@ class Replay:
         init = None
         if start.given:
             init = perturbed(truth, source.centroid, self.axes, axis, start)
+        return Problem(source, target, init, truth)
+
+    def draw(self, study: Study, run: WorstRun, name: str) -> Drawing:
+        """Register the pair again and draw what came out.
+
+        Raises
+        ------
+        InputError
+            A frame cannot be read, or the method is not in this installation.
+        """
+        row = study.runs.where(np.array([run.index]))
+        problem = self.problem(study, run.index)
+        source, target, init, truth = (
+            problem.source,
+            problem.target,
+            problem.init,
+            problem.truth,
+        )
         end = None
         caption = ""
         if not row.failed[0]:
-            end = self._registered(str(row["method"][0]), source, target, init)
+            end = self.registered(str(row["method"][0]), source, target, init)
             metres, radians = se3.error(end, truth)
             recorded = float(row["error_m"][0]), float(row["error_rad"][0])
             if not (
@@ -166,9 +202,16 @@ class Replay:
         )
         return draw_scene(scene, name, f"{run.title}: {run.facts}.", caption)
 
-    def _registered(
+    def registered(
         self, name: str, source: Prepared, target: Prepared, init: Array | None
     ) -> Array:
+        """Return the pose (4, 4) that a method gives.
+
+        Raises
+        ------
+        InputError
+            It gives none, or is not in this installation.
+        """
         if name not in self.methods:
             raise InputError(f"there is no method called {name} in this installation")
         with warnings.catch_warnings():

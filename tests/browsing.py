@@ -58,9 +58,15 @@ class Browser:
 
     def open(self, page: Path, width: int = 1280) -> None:
         """Load a file, and wait until it and its images are there."""
-        self._post(f"{self.session}/window/rect", {"width": width, "height": 900})
-        self._post(f"{self.session}/url", {"url": page.resolve().as_uri()})
+        self.visit(page.resolve().as_uri(), width)
         self.run("return Promise.all([...document.images].map(image => image.decode()))")
+
+    def visit(self, address: str, width: int = 1280) -> None:
+        """Load what is at an address, in a window of so many pixels."""
+        size = {"width": width, "height": 900, "deviceScaleFactor": 1, "mobile": False}
+        asked = {"cmd": "Emulation.setDeviceMetricsOverride", "params": size}
+        self._post(f"{self.session}/goog/cdp/execute", asked)
+        self._post(f"{self.session}/url", {"url": address})
 
     def run(self, script: str) -> Any:
         """Evaluate JavaScript on the page; a promise is waited for."""
