@@ -119,12 +119,13 @@ def write_las(path: Path, cloud: PointCloud) -> None:
     )
     las = laspy.LasData(header)
     las.points = laspy.ScaleAwarePointRecord.zeros(len(points), header=header)
-    las.x, las.y, las.z = points.T
+    with np.errstate(over="ignore"):  # the limits of what would fit may be
+        las.x, las.y, las.z = points.T
     for name in ("return_number", "number_of_returns"):
         las[name] = np.ones(len(points), np.uint8)
     for name, values in (standard | extra).items():
         las[name] = values
-    with path.open("wb") as stream:
+    with path.open("wb") as stream, np.errstate(over="ignore"):
         las.write(
             stream, do_compress=packed, laz_backend=laspy.LazBackend.Lazrs if packed else None
         )
