@@ -274,7 +274,7 @@ DECISIONS = (
         "clouds/downsample.py",
         "        step -= 1\n",
         "        break\n",
-        ("test_downsample.py", "test_little_to_fit.py"),
+        ("test_downsample.py",),
     ),
     Decision(
         "map coordinates keep their origin",
