@@ -29,14 +29,11 @@ def walls():
     ]
 
 
-def shared(placed, source, target):
-    chance = np.ones(len(source))
-    return agreeing(placed, source, target, chance, Near.of(placed, target, chance))
-
-
 def told(source, target, pose):
     placed = Placed.at(pose, source.points)
-    matches, share = shared(placed, source, target)
+    chance = np.ones(len(source))
+    near = Near.of(placed, target, chance)
+    matches, share = agreeing(placed, source, target, chance, near)
     return placed, matches, share
 
 
@@ -60,7 +57,9 @@ def test_a_match_counts_less_the_farther_off_it_is(walls):
         points = source.points.copy()
         points[~left, 2] -= times * NOISE
         placed = Placed(points, np.eye(4))
-        _, share = shared(placed, source, target)
+        chance = np.ones(len(source))
+        near = Near.of(placed, target, chance)
+        _, share = agreeing(placed, source, target, chance, near)
         shares.append(float(share[~left].mean()))
     assert shares == sorted(shares, reverse=True)
     assert shares[2] < shares[0] - 0.1

@@ -57,14 +57,16 @@ class DistortedCamera:
     def ideal(self, u: Array, v: Array) -> tuple[Array, Array]:
         """Take pixel coordinates in its images to those in the ideal camera's, NaN for none."""
         k = self.camera
-        x, y = self.distortion.undistort((u - k.cx) / k.fx, (v - k.cy) / k.fy)
-        return k.fx * x + k.cx, k.fy * y + k.cy
+        with np.errstate(all="ignore"):  # with a focal length next to nothing, or beyond numbers
+            x, y = self.distortion.undistort((u - k.cx) / k.fx, (v - k.cy) / k.fy)
+            return k.fx * x + k.cx, k.fy * y + k.cy
 
     def seen(self, u: Array, v: Array) -> tuple[Array, Array]:
         """Take pixel coordinates in the ideal camera's images to those in its own."""
         k = self.camera
-        x, y = self.distortion.distort((u - k.cx) / k.fx, (v - k.cy) / k.fy)
-        return k.fx * x + k.cx, k.fy * y + k.cy
+        with np.errstate(all="ignore"):
+            x, y = self.distortion.distort((u - k.cx) / k.fx, (v - k.cy) / k.fy)
+            return k.fx * x + k.cx, k.fy * y + k.cy
 
     def rectified_camera(self) -> PinholeCamera:
         """Return the ideal camera that sees all that this one sees, in pixels as wide.

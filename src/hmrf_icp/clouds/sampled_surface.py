@@ -122,9 +122,11 @@ def _areas(corners: Array) -> tuple[Array, Array]:
 def _along_curve(centres: Array) -> NDArray[np.int64]:
     """Order (F,) in which places that are near each other are near each other."""
     low = centres.min(axis=0)
-    side = float((centres.max(axis=0) - low).max())
     top = (1 << CELLS) - 1
-    cells = np.clip((centres - low) * (top / side if side > 0.0 else 0.0), 0, top).astype(np.int64)
+    with np.errstate(all="ignore"):  # a mesh as large as numbers get keeps its order
+        side = float((centres.max(axis=0) - low).max())
+        cells = (centres - low) * (top / side if side > 0.0 else 0.0)
+    cells = np.clip(np.nan_to_num(cells), 0, top).astype(np.int64)
     key = np.zeros(len(centres), np.int64)
     for bit in range(CELLS):
         for axis in range(3):

@@ -5,7 +5,6 @@ from __future__ import annotations
 from collections.abc import Callable
 from dataclasses import dataclass
 from functools import cached_property
-from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
@@ -50,9 +49,6 @@ Corridors seen by a spinning LiDAR, whose rings turn from floor to wall within a
 known along themselves with 0.2 and more. Rooms, tables and streets keep three quarters of what is
 known of their weakest direction with anything from 0.05 to 0.2.
 """
-
-LINES = 40
-"""Rows and columns of an image that tell how far apart its neighbours are, at the least."""
 
 NOISE_FLOOR = 1e-3
 """Smallest noise, as a share of the spacing of the points: exact clouds have none of their own."""
@@ -190,22 +186,17 @@ def _grid(points: Array, reach: Array) -> tuple[Array, NDArray[np.int64]]:
     """
     # A point at the viewpoint is at no angle.
     reach = np.where(reach > 0.0, reach, np.nan)
-    # Between rows along some of the columns, and between columns along some of the rows.
-    every = max(1, min(reach.shape) // LINES)
-    lines: tuple[Any, Any] = (np.s_[:, ::every], np.s_[::every])
+    rays = points / reach[..., None]
     stride = np.ones(2, dtype=np.int64)
-    between = [
-        _median(np.linalg.norm(np.diff(points[some] / reach[some][..., None], axis=axis), axis=-1))
-        for axis, some in enumerate(lines)
-    ]
+    between = [_median(np.linalg.norm(np.diff(rays, axis=axis), axis=-1)) for axis in (0, 1)]
     if min(between) > 0.0:
         stride = np.maximum(1, np.round(max(between) / np.array(between))).astype(np.int64)
     if stride.max() > 1:
         return np.array(between), stride
     steps = [
-        np.linalg.norm(np.diff(points[some], axis=axis), axis=-1)
-        / (reach[some][1:] if axis == 0 else reach[some][:, 1:])
-        for axis, some in enumerate(lines)
+        np.linalg.norm(np.diff(points, axis=axis), axis=-1)
+        / (reach[1:] if axis == 0 else reach[:, 1:])
+        for axis in (0, 1)
     ]
     both = np.concatenate([step.ravel() for step in steps])
     middle = _median(both[both > 0.0])  # neighbours that coincide are no step

@@ -128,10 +128,11 @@ def _read(
     rotation, translation = _pose(path, scan)
     known = about_sensor or all(name in held for name in _INDICES)
     known |= not (np.array_equal(rotation, np.eye(3)) and not translation.any())
-    points = points @ rotation.T + translation
     normals = None
-    if NORMALS[0] in held:
-        normals = np.stack([held.pop(name) for name in NORMALS], axis=-1) @ rotation.T
+    with np.errstate(all="ignore"):  # what is not finite is unobserved
+        points = points @ rotation.T + translation
+        if NORMALS[0] in held:
+            normals = np.stack([held.pop(name) for name in NORMALS], axis=-1) @ rotation.T
     if COLOURS[0] in held:
         for name, values in zip(RED_GREEN_BLUE, _bytes(scan, held), strict=True):
             held[name] = values

@@ -119,12 +119,13 @@ def write_las(path: Path, cloud: PointCloud) -> None:
     )
     las = laspy.LasData(header)
     las.points = laspy.ScaleAwarePointRecord.zeros(len(points), header=header)
-    las.x, las.y, las.z = points.T
+    with np.errstate(over="ignore"):  # the limits of what would fit may be
+        las.x, las.y, las.z = points.T
     for name in ("return_number", "number_of_returns"):
         las[name] = np.ones(len(points), np.uint8)
     for name, values in (standard | extra).items():
         las[name] = values
-    with path.open("wb") as stream:
+    with path.open("wb") as stream, np.errstate(over="ignore"):
         las.write(
             stream, do_compress=packed, laz_backend=laspy.LazBackend.Lazrs if packed else None
         )
@@ -132,7 +133,8 @@ def write_las(path: Path, cloud: PointCloud) -> None:
 
 def _cloud(points: Any, notes: tuple[str, ...]) -> PointCloud:
     normals, attributes = las_dimensions(points)
-    xyz = np.stack([np.asarray(points[axis], dtype=np.float64) for axis in AXES], axis=-1)
+    with np.errstate(over="ignore"):  # what is infinite is unobserved
+        xyz = np.stack([np.asarray(points[axis], dtype=np.float64) for axis in AXES], axis=-1)
     withheld = attributes.pop("withheld", None)
     if withheld is not None:
         kept = withheld == 0
