@@ -97,3 +97,12 @@ def test_where_the_last_steps_would_leave_more_free_than_the_loop_did_they_are_n
     assert polish(surer, source, target, METHOD.align).history == loop.history
     assert len(polish(loop, source, target, METHOD.align).history) == len(loop.history) + 2
     assert Labels(loop.labels.z).inlier.any()
+
+
+def test_a_loop_that_ended_with_outliers_alone_stays_where_it_was(walls):
+    source, target = walls
+    ended = METHOD.run(source, target, np.eye(4))
+    nothing = Labels(np.full(len(source), -1.0))
+    after = polish(replace(ended, labels=nothing), source, target, METHOD.align)
+    assert np.isfinite(after.transformation).all()
+    assert np.allclose(after.transformation, ended.transformation, atol=1e-12)

@@ -117,8 +117,9 @@ class Near(NamedTuple):
         """Look for the nearest of the points that are not certain to be outliers."""
         some = np.flatnonzero(chance > HARDLY)
         points = np.ascontiguousarray(placed.points[some])
-        _, rows = target.tree.query(points, k=min(NEAR, len(target)))
-        return cls(some, rows.reshape(len(some), -1))
+        most = min(NEAR, len(target))
+        _, rows = target.tree.query(points, k=most)
+        return cls(some, rows.reshape(len(some), most))
 
 
 def agreeing(
