@@ -20,6 +20,11 @@ ATTRIBUTES = {
     "green": RNG.integers(0, 256, 50, np.uint8),
     "blue": RNG.integers(0, 256, 50, np.uint8),
 }
+ROWS = {
+    "rowIndex": np.arange(50, dtype=np.uint16) // 10,
+    "columnIndex": np.arange(50, dtype=np.uint16) % 10,
+}
+STILL = np.array([1.0, 0.0, 0.0, 0.0])
 TURN = np.array([0.8, 0.0, 0.0, 0.6])  # about z, w first
 
 
@@ -71,16 +76,62 @@ def test_a_scan_stands_where_its_pose_says(tmp_path):
 
 def test_a_pose_that_says_nothing_is_no_viewpoint_unless_there_are_rows(tmp_path):
     """A merged cloud is written with the identity; a scan with rows and columns is a sensor's."""
-    still = np.array([1.0, 0.0, 0.0, 0.0])
-    plain = written(tmp_path / "p.e57", (scan_of(POINTS), still, np.zeros(3)))
+    plain = written(tmp_path / "p.e57", (scan_of(POINTS), STILL, np.zeros(3)))
     assert read_cloud(plain).viewpoint is None
-    rows = {
-        "rowIndex": np.arange(50, dtype=np.uint16) // 10,
-        "columnIndex": np.arange(50, dtype=np.uint16) % 10,
-    }
-    grid = read_cloud(written(tmp_path / "g.e57", (scan_of(POINTS, **rows), still, np.zeros(3))))
+    grid = read_cloud(written(tmp_path / "g.e57", (scan_of(POINTS, **ROWS), STILL, np.zeros(3))))
     np.testing.assert_array_equal(grid.viewpoint, np.zeros(3))
-    np.testing.assert_array_equal(grid.attributes["rowIndex"], rows["rowIndex"])
+
+
+def test_rows_and_columns_are_a_grid_again(tmp_path):
+    """Whatever the order of the records and the first row; what is invalid is a hole."""
+    order = RNG.permutation(50)
+    invalid = (order % 7 == 0).astype(np.int8) * 2
+    data = scan_of(
+        POINTS[order],
+        rowIndex=ROWS["rowIndex"][order] + np.uint16(3),
+        columnIndex=ROWS["columnIndex"][order],
+        intensity=order.astype(np.float32),
+        cartesianInvalidState=invalid,
+    )
+    cloud = read_cloud(written(tmp_path / "g.e57", (data, STILL, np.zeros(3))))
+    assert cloud.shape == (5, 10)
+    hole = np.arange(50) % 7 == 0
+    np.testing.assert_array_equal(cloud.observed.ravel(), ~hole)
+    np.testing.assert_allclose(cloud.points.reshape(-1, 3)[~hole], POINTS[~hole], atol=1e-6)
+    assert set(cloud.attributes) == {"intensity"}
+    np.testing.assert_array_equal(
+        cloud.attributes["intensity"].ravel()[~hole], np.arange(50.0)[~hole]
+    )
+
+
+@pytest.mark.parametrize("why", ["thinned out", "two returns", "one row"])
+def test_points_that_fill_no_grid_are_a_list(tmp_path, why):
+    rows, columns = (values.copy() for values in ROWS.values())
+    if why == "thinned out":
+        rows, columns = rows * 4, columns * 4
+    elif why == "two returns":
+        rows[1], columns[1] = rows[0], columns[0]
+    else:
+        rows[:], columns = 0, np.arange(50, dtype=np.uint16)
+    data = scan_of(POINTS, rowIndex=rows, columnIndex=columns)
+    cloud = read_cloud(written(tmp_path / "l.e57", (data, STILL, np.zeros(3))))
+    assert cloud.shape == (50,)
+    np.testing.assert_array_equal(cloud.attributes["rowIndex"], rows)
+
+
+def test_a_grid_that_was_seen_from_somewhere_is_written_as_one(tmp_path):
+    """Rows say that a sensor stood there, so a grid without a viewpoint is written without them."""
+    points = POINTS.reshape(5, 10, 3).copy()
+    points[1, 2] = np.nan
+    for stood in (np.zeros(3), np.array([1.0, 2.0, 3.0])):
+        write_cloud(tmp_path / "g.e57", PointCloud(points, viewpoint=stood))
+        read = read_cloud(tmp_path / "g.e57")
+        np.testing.assert_allclose(read.points, points, atol=1e-12)
+        np.testing.assert_array_equal(read.viewpoint, stood)
+    write_cloud(tmp_path / "g.e57", PointCloud(points))
+    read = read_cloud(tmp_path / "g.e57")
+    assert read.shape == (49,)
+    assert read.viewpoint is None
 
 
 def test_several_scans_are_one_cloud_without_a_viewpoint(tmp_path):

@@ -13,6 +13,7 @@ from numpy.typing import NDArray
 from hmrf_icp.clouds.cloud import PointCloud
 from hmrf_icp.errors import InputError
 from hmrf_icp.io.columns import RED_GREEN_BLUE, Columns
+from hmrf_icp.io.e57_grid import INDICES, Grid, grid_of
 from hmrf_icp.io.e57_outline import check_outline
 from hmrf_icp.io.files import reading, require_bounded
 from hmrf_icp.io.optional import optional
@@ -23,28 +24,31 @@ CARTESIAN = ("cartesianX", "cartesianY", "cartesianZ")
 SPHERICAL = ("sphericalRange", "sphericalAzimuth", "sphericalElevation")
 COLOURS = ("colorRed", "colorGreen", "colorBlue")
 NORMALS = ("nor:normalX", "nor:normalY", "nor:normalZ")
-_OTHERS = ("intensity", "timeStamp", "rowIndex", "columnIndex")
+_OTHERS = ("intensity", "timeStamp", *INDICES)
 """Taken by their own names."""
-
-_INDICES = ("rowIndex", "columnIndex")
 
 
 class _Scan(NamedTuple):
-    """One scan in the frame of the file, and where its sensor stood if that is told."""
+    """One scan in the frame of the file, where its sensor stood if that is told, and its grid."""
 
     points: Array
     rest: Columns
     normals: Array | None
     stood: Array | None
+    grid: Grid | None
+    kept: NDArray[np.bool_]
+    """(N,): all but what is marked as invalid."""
 
 
 def read_e57(path: Path) -> PointCloud:
     """Read all scans of a file, in its frame and metres, as one cloud.
 
-    Intensity, colour (as bytes), normals, times, and the row and column of each point come along
-    where every scan has them; points marked as invalid are left out. The viewpoint is
-    that of the scan, if there is a single one and the file says where it stood: by a pose that is
-    not the identity, by rows and columns, or by coordinates about the sensor.
+    A single scan whose points name the rows and columns of a grid comes out organised, as long
+    as half of its pixels have one. Otherwise intensity, colour (as bytes), normals, times, and
+    the row and column of each point come along where every scan has them. Points marked as
+    invalid are left out. The viewpoint is that of the scan, if there is a single one and the
+    file says where it stood: by a pose that is not the identity, by rows and columns, or by
+    coordinates about the sensor.
 
     Raises
     ------
@@ -115,8 +119,7 @@ def _read(
         if found != count:
             raise InputError(f"{path}: cut short: {count:,} points promised, {found:,} found")
     invalid = [held.pop(name) for name in [*held] if name.endswith("InvalidState")]
-    if invalid:
-        held = {name: values[invalid[0] == 0] for name, values in held.items()}
+    kept = invalid[0] == 0 if invalid else np.ones(count, dtype=np.bool_)
     first, second, third = (held.pop(name) for name in names[:3])
     about_sensor = names[0] == SPHERICAL[0]
     points = np.stack([first, second, third], axis=-1)
@@ -126,7 +129,9 @@ def _read(
             [flat * np.cos(second), flat * np.sin(second), first * np.sin(third)], axis=-1
         )
     rotation, translation = _pose(path, scan)
-    known = about_sensor or all(name in held for name in _INDICES)
+    on_grid = all(name in held for name in INDICES)
+    grid = grid_of(*(held[name] for name in INDICES)) if on_grid else None
+    known = about_sensor or on_grid
     known |= not (np.array_equal(rotation, np.eye(3)) and not translation.any())
     normals = None
     with np.errstate(all="ignore"):  # what is not finite is unobserved
@@ -136,10 +141,10 @@ def _read(
     if COLOURS[0] in held:
         for name, values in zip(RED_GREEN_BLUE, _bytes(scan, held), strict=True):
             held[name] = values
-    for name in _INDICES:
+    for name in INDICES:
         if name in held:
             held[name] = held[name].astype(np.int64)
-    return _Scan(points, held, normals, translation if known else None)
+    return _Scan(points, held, normals, translation if known else None, grid, kept)
 
 
 def _bytes(scan: Any, held: Columns) -> list[NDArray[np.uint8]]:
@@ -177,14 +182,21 @@ def _pose(path: Path, scan: Any) -> tuple[Array, Array]:
 
 def _joined(scans: list[_Scan]) -> PointCloud:
     if len(scans) == 1:
-        points, rest, normals, stood = scans[0]
-        return PointCloud(points, None, stood, normals, rest)
+        points, rest, normals, stood, grid, kept = scans[0]
+        if grid is not None:
+            held = {name: grid.laid(v, kept) for name, v in rest.items() if name not in INDICES}
+            turned = None if normals is None else grid.laid(normals, kept)
+            return PointCloud(grid.laid(points, kept), None, stood, turned, held)
+        held = {name: values[kept] for name, values in rest.items()}
+        return PointCloud(
+            points[kept], None, stood, None if normals is None else normals[kept], held
+        )
     shared = [name for name in scans[0].rest if all(name in scan.rest for scan in scans)]
-    every = [scan.normals for scan in scans if scan.normals is not None]
+    every = [scan.normals[scan.kept] for scan in scans if scan.normals is not None]
     return PointCloud(
-        np.concatenate([scan.points for scan in scans]),
+        np.concatenate([scan.points[scan.kept] for scan in scans]),
         None,
         None,
         np.concatenate(every) if len(every) == len(scans) else None,
-        {name: np.concatenate([scan.rest[name] for scan in scans]) for name in shared},
+        {name: np.concatenate([scan.rest[name][scan.kept] for scan in scans]) for name in shared},
     )

@@ -13,6 +13,7 @@ from numpy.typing import NDArray
 from hmrf_icp.clouds.cloud import PointCloud
 from hmrf_icp.io.columns import RED_GREEN_BLUE, Columns, columns_of, unpacked_colours
 from hmrf_icp.io.e57 import CARTESIAN, COLOURS, NORMALS, opened
+from hmrf_icp.io.e57_grid import INDICES
 from hmrf_icp.io.optional import optional
 
 _NORMALS_URI = "http://www.libe57.org/E57_NOR_surface_normals.txt"
@@ -21,7 +22,8 @@ _NORMALS_URI = "http://www.libe57.org/E57_NOR_surface_normals.txt"
 def write_e57(path: Path, cloud: PointCloud) -> None:
     """Write the observed points as one scan, in double precision, with what E57 has names for.
 
-    That is intensity, colour and normals, and the viewpoint as the pose of the scan.
+    That is intensity, colour and normals, the viewpoint as the pose of the scan, and the rows
+    and columns of an organised cloud with a viewpoint: they say that a sensor stood there.
     """
     libe57 = optional(path, "pye57", "e57").libe57
     stood = np.zeros(3) if cloud.viewpoint is None else cloud.viewpoint
@@ -50,7 +52,7 @@ def write_e57(path: Path, cloud: PointCloud) -> None:
                 pose.set(part, node)
         prototype, buffers = libe57.StructureNode(image), libe57.VectorSourceDestBuffer()
         for name, values in columns.items():
-            prototype.set(name, _number(libe57, image, name))
+            prototype.set(name, _number(libe57, image, name, values))
             buffers.append(libe57.SourceDestBuffer(image, name, values, len(cloud), True, True))
         if "intensity" in columns:
             _limits(libe57, image, scan, "intensity", columns["intensity"])
@@ -87,12 +89,17 @@ def _columns(cloud: PointCloud, stood: NDArray[np.float64]) -> Columns:
         normals = cloud.normals[cloud.observed]
         for axis, name in enumerate(NORMALS):
             columns[name] = np.ascontiguousarray(normals[:, axis])
+    if cloud.organised and cloud.viewpoint is not None:
+        for name, places in zip(INDICES, np.nonzero(cloud.observed), strict=True):
+            columns[name] = places.astype(np.float64)  # pye57 takes an int64 for two
     return columns
 
 
-def _number(libe57: Any, image: Any, name: str) -> Any:
+def _number(libe57: Any, image: Any, name: str, values: NDArray[Any]) -> Any:
     if name in COLOURS:
         return libe57.IntegerNode(image, 0, 0, 255)
+    if name in INDICES:
+        return libe57.IntegerNode(image, 0, 0, int(values.max(initial=0)))
     return libe57.FloatNode(image, 0.0, libe57.E57_DOUBLE)
 
 
