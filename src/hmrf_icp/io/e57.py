@@ -44,7 +44,7 @@ def read_e57(path: Path) -> PointCloud:
     """Read all scans of a file, in its frame and metres, as one cloud.
 
     A single scan whose points name the rows and columns of a grid comes out organised, as long
-    as half of its pixels have one. Otherwise intensity, colour (as bytes), normals, times, and
+    as half of its pixels have one and rows are not much farther apart than columns. Otherwise intensity, colour (as bytes), normals, times, and
     the row and column of each point come along where every scan has them. Points marked as
     invalid are left out. The viewpoint is that of the scan, if there is a single one and the
     file says where it stood: by a pose that is not the identity, by rows and columns, or by
@@ -183,7 +183,7 @@ def _pose(path: Path, scan: Any) -> tuple[Array, Array]:
 def _joined(scans: list[_Scan]) -> PointCloud:
     if len(scans) == 1:
         points, rest, normals, stood, grid, kept = scans[0]
-        if grid is not None:
+        if grid is not None and grid.even(points, kept):
             held = {name: grid.laid(v, kept) for name, v in rest.items() if name not in INDICES}
             turned = None if normals is None else grid.laid(normals, kept)
             return PointCloud(grid.laid(points, kept), None, stood, turned, held)
