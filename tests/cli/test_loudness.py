@@ -108,6 +108,8 @@ def test_no_help_is_cut(command, columns):
     done = run(*command, "--help", columns=columns)
     assert done.exit_code == 0
     assert "…" not in done.stdout
+    assert "<bool>" not in done.stdout
+    assert "Path" not in done.stdout  # a type of Python says nothing to whom it is for
     assert max(map(len, done.stdout.splitlines())) <= columns
 
 

@@ -219,6 +219,26 @@ def test_the_command_writes_a_film_and_says_the_result(wavy, tmp_path):
         assert opened.n_frames > 3
 
 
+def test_the_command_reads_what_register_reads(tmp_path, monkeypatch):
+    """A map of confidence, and a mesh in so many points."""
+    pytest.importorskip("trimesh", reason="needs the extra 'mesh'")
+    monkeypatch.chdir(tmp_path)
+    y, x = np.mgrid[0:60, 0:80]
+    depth = 1500.0 + 200.0 * np.sin(x / 9.0) * np.cos(y / 7.0)
+    Image.fromarray(depth.astype(np.uint16)).save("a.png")
+    Image.fromarray(np.where(x < 60, 2, 0).astype(np.uint8)).save("sure.png")
+    (tmp_path / "part.obj").write_text("v 0 0 1\nv 1 0 1\nv 0 1 1.2\nf 1 2 3\n")
+    np.savetxt("start.txt", np.eye(4))
+    seen = []
+    monkeypatch.setattr(plot, "animate", lambda _, result, **__: seen.append(Pair.of(result)))
+    command = "animate a.png part.obj -o film.gif --init start.txt --preset paper --samples 777"
+    command += " --intrinsics 80,80,40,30 --source-confidence sure.png"
+    done = CliRunner().invoke(app, command.split())
+    assert done.exit_code in (0, 1), done.output
+    assert len(seen[0].source) == 60 * 60
+    assert len(seen[0].target) == 777
+
+
 @pytest.mark.parametrize(
     ("options", "complaint"),
     [

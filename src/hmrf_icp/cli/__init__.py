@@ -18,7 +18,7 @@ from contextlib import contextmanager
 from typing import Annotated, Any, TextIO
 
 import typer
-from typer.core import TyperGroup
+from typer.core import TyperCommand, TyperGroup
 
 from hmrf_icp.cli.animate import animate
 from hmrf_icp.cli.demo import demo
@@ -32,6 +32,14 @@ from hmrf_icp.errors import HmrfIcpError, RegistrationWarning, interruptible
 BAD_INPUT = 2
 INTERRUPTED = 128 + 2
 NO_READER = 128 + 13
+
+
+class _Command(TyperCommand):
+    """A command whose help says what a value is, and not of which type of Python."""
+
+    def get_params(self, ctx: Any) -> Any:
+        """Leave the types out."""
+        return _without_types(super().get_params(ctx))
 
 
 class _Commands(TyperGroup):
@@ -48,7 +56,7 @@ class _Commands(TyperGroup):
         for param in params:
             if param.name in ("install_completion", "show_completion"):
                 vars(param)["rich_help_panel"] = "Shell completion"
-        return params
+        return _without_types(params)
 
     def invoke(self, ctx: Any) -> Any:
         """Run the command that was asked for; its errors become an exit status.
@@ -83,12 +91,12 @@ app = typer.Typer(
 )
 
 # One line a command, in the order in which --help lists them.
-app.command()(demo)
-app.command()(register)
-app.command()(view)
-app.command()(animate)
-app.command()(evaluate)
-app.command()(report)
+app.command(cls=_Command)(demo)
+app.command(cls=_Command)(register)
+app.command(cls=_Command)(view)
+app.command(cls=_Command)(animate)
+app.command(cls=_Command)(evaluate)
+app.command(cls=_Command)(report)
 
 
 def main() -> None:
@@ -122,6 +130,16 @@ def _program(
     No threshold to choose: a hidden Markov random field finds out which points
     of the source have a counterpart in the target.
     """
+
+
+def _without_types(params: Any) -> Any:
+    """Keep versions of Typer that would from writing ``<bool>`` and ``<list[Path]>`` into help."""
+    for param in params:
+        if getattr(param, "is_flag", False):
+            vars(param)["metavar"] = ""
+        elif param.param_type_name == "argument":
+            vars(param)["display_type_rich"] = lambda ctx: ""  # noqa: ARG005
+    return params
 
 
 def _flowing(text: str | None) -> str | None:

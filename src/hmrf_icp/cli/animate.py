@@ -26,6 +26,7 @@ if TYPE_CHECKING:
 
 _FILM = "Film"
 _DEPTH = "Depth maps"
+_SURE = "Confidence of depths"
 _CLOUDS = "Clouds"
 _METHOD = "Method"
 
@@ -81,7 +82,7 @@ def animate(
         typer.Option(
             metavar="FILE",
             rich_help_panel=_DEPTH,
-            help="Intrinsics: a 3x3 matrix as text or an Open3D intrinsics JSON.",
+            help="Intrinsics: a 3x3 matrix, Open3D's, RealSense's, Azure's or ROS's file.",
         ),
     ] = None,
     intrinsics: Annotated[
@@ -97,6 +98,36 @@ def animate(
     max_depth: Annotated[
         float | None,
         typer.Option(metavar="M", rich_help_panel=_DEPTH, help="Leave out depths beyond."),
+    ] = None,
+    source_confidence: Annotated[
+        Path | None,
+        typer.Option(
+            metavar="FILE",
+            rich_help_panel=_SURE,
+            help="How sure each pixel of SOURCE is, as ARKit writes it: an image of its size.",
+        ),
+    ] = None,
+    target_confidence: Annotated[
+        Path | None,
+        typer.Option(
+            metavar="FILE", rich_help_panel=_SURE, help="The same for the pixels of TARGET."
+        ),
+    ] = None,
+    min_confidence: Annotated[
+        float,
+        typer.Option(
+            metavar="LEVEL",
+            rich_help_panel=_SURE,
+            help="Leave out depths that are less sure: 1 is ARKit's medium, 2 its high.",
+        ),
+    ] = 1,
+    samples: Annotated[
+        int | None,
+        typer.Option(
+            metavar="N",
+            rich_help_panel=_CLOUDS,
+            help="Points spread over a mesh; 0 takes its vertices.",
+        ),
     ] = None,
     viewpoint: Annotated[
         str | None,
@@ -143,6 +174,10 @@ def animate(
             help=f"Another metric: {', '.join(presets.aligner_names())}.",
         ),
     ] = None,
+    colour: Annotated[
+        bool,
+        typer.Option("--colour", rich_help_panel=_METHOD, help="Go by colours or intensities too."),
+    ] = False,
     quiet: Quiet = False,  # noqa: ARG001
     verbose: Verbose = False,
 ) -> None:
@@ -166,7 +201,8 @@ def animate(
     from hmrf_icp.loop.icp import Iteration
     from hmrf_icp.registration import register
 
-    method = presets.method(preset, rejector, aligner)
+    metric = presets.coloured(aligner) if colour else aligner
+    method = presets.method(preset, rejector, metric)
     require_positive("--depth-scale", depth_scale, "units per metre")
     require_positive("--max-depth", max_depth, "metres")
     pixels = read_size(size)
@@ -179,7 +215,8 @@ def animate(
     start = None if init is None else read_pose(init)
     known = None if truth is None else read_pose(truth)
     check_film(output)
-    inputs = [file for file in (source, target, camera, init, truth) if file is not None]
+    sure = (source_confidence, target_confidence)
+    inputs = [file for file in (source, target, camera, init, truth, *sure) if file is not None]
     if output.resolve() in [file.resolve() for file in inputs]:
         raise InputError(f"--output {output}: is an input of this run, give another name")
 
@@ -191,8 +228,10 @@ def animate(
             bar(iteration)
 
         bar.stage("Reading")
-        moving, _ = read_input(source, lens, depth_scale, max_depth)
-        staying, _ = read_input(target, lens, depth_scale, max_depth)
+        moving, staying = (
+            read_input(file, lens, depth_scale, max_depth, samples, confidence, min_confidence)[0]
+            for file, confidence in zip((source, target), sure, strict=True)
+        )
         if stood is not None:
             moving, staying = seen_from(stood, moving), seen_from(stood, staying)
         bar.stage("Registering", total=most_iterations(method))
@@ -220,7 +259,9 @@ def animate(
             seconds=seconds,
             dark=dark,
             names=(source.name, target.name),
-            method=" with ".join(name for name in (preset, rejector, aligner) if name),
+            method=" with ".join(
+                name for name in (preset, rejector, aligner, "colour" if colour else None) if name
+            ),
             on_progress=lambda done, total: bar.show("Drawing", done, total),
         )
     say(summary(result, source.name, target.name, [output]))

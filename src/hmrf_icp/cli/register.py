@@ -395,7 +395,8 @@ def register(
                     on_iteration=recording,
                 )
             bar.stage("Writing")
-            called = " with ".join(name for name in (preset, rejector, aligner) if name)
+            evidence = "colour" if colour else None
+            called = " with ".join(name for name in (preset, rejector, aligner, evidence) if name)
             names = source.name, target.name
             if view or html or rrd:
                 told = story(result, start, recording, names=names)

@@ -44,11 +44,11 @@ def read_e57(path: Path) -> PointCloud:
     """Read all scans of a file, in its frame and metres, as one cloud.
 
     A single scan whose points name the rows and columns of a grid comes out organised, as long
-    as half of its pixels have one and rows are not much farther apart than columns. Otherwise intensity, colour (as bytes), normals, times, and
-    the row and column of each point come along where every scan has them. Points marked as
-    invalid are left out. The viewpoint is that of the scan, if there is a single one and the
-    file says where it stood: by a pose that is not the identity, by rows and columns, or by
-    coordinates about the sensor.
+    as half of its pixels have one and rows are not much farther apart than columns.
+    Otherwise intensity, colour (as bytes), normals, times, and the row and column of each point
+    come along where every scan has them. Points marked as invalid are left out. The viewpoint
+    is that of the scan, if there is a single one and the file says where it stood: by a pose
+    that is not the identity, by rows and columns, or by coordinates about the sensor.
 
     Raises
     ------
