@@ -1,7 +1,8 @@
 """Draw the pictures of the documentation that need no data: ``python docs/figures/draw.py``.
 
 Two views of the desk that ``hmrf-icp demo`` renders, a pair of views that share too little, and a
-scan of a wavy plate with a bump and a dent.
+scan of a wavy plate with a bump and a dent. Those of the method are drawn by every build of the
+site, too (``docs/hooks/figures.py``).
 """
 
 from __future__ import annotations
@@ -14,10 +15,13 @@ import numpy as np
 from matplotlib.axes import Axes
 
 import hmrf_icp
-from hmrf_icp import plot, se3
+from hmrf_icp import plot, presets, se3
 from hmrf_icp.cli.demo import NAMES, DeskPair, desk_pair
+from hmrf_icp.figures.labels import colour_bar, image_of, label_scale
+from hmrf_icp.figures.pair import Pair
 from hmrf_icp.figures.registration import field_before_first_step
-from hmrf_icp.figures.style import DPI, own_figure
+from hmrf_icp.figures.states import states_of
+from hmrf_icp.figures.style import DPI, ink, own_figure
 from hmrf_icp.io.whole import written_whole
 from hmrf_icp.synthetic.render import render, sensor_noise
 from hmrf_icp.synthetic.scenes import CAMERA, desk, trajectory
@@ -40,9 +44,8 @@ def save(figure: Any, name: str) -> None:
 
 
 def of_the_desk(pair: DeskPair) -> None:
-    """Draw every figure of the demo's pair, and its film."""
-    recording = plot.Recording()
-    result = hmrf_icp.register(pair.source, pair.target, pair.init, on_iteration=recording)
+    """Draw every figure of the demo's pair."""
+    result = hmrf_icp.register(pair.source, pair.target, pair.init)
     told: dict[str, Any] = {"names": NAMES, "method": "robust"}
     plot.registration_figure(
         pair.source,
@@ -62,20 +65,39 @@ def of_the_desk(pair: DeskPair) -> None:
     ax = axes(5.6, 4.2, (0.65, 0.5, 0.1, 0.6))
     save(plot.residuals(result, ax, **told).figure, "residuals-end.png")
     save(plot.residual_figure(result.distance), "residuals.png")
-    paper = hmrf_icp.register(pair.source, pair.target, pair.init, preset="paper")
+
+
+def of_the_method(pair: DeskPair) -> dict[str, Any]:
+    """Figures of Algorithm 1 as the paper has it, by their names."""
+    result = hmrf_icp.register(pair.source, pair.target, pair.init, preset="paper")
     ax = axes(5.6, 4.2, (0.7, 0.5, 0.65, 0.6))
-    save(plot.convergence(paper, ax, names=NAMES, method="paper").figure, "convergence.png")
-    plot.animate(
-        HERE / "film.gif",
-        paper,
-        init=pair.init,
-        preset="paper",
-        truth=pair.truth,
-        names=NAMES,
-        fps=10,
-        seconds=3.0,
-        size=(640, 360),
-    )
+    plot.convergence(result, ax, names=NAMES, method="paper")
+    field = own_figure(9.0, 3.1)
+    between = Pair.of(result)
+    start = between.between(se3.as_rigid(pair.init))
+    states = states_of(between, result, start, presets.PAPER)
+    for k, number in enumerate((0, 2, len(states) - 1)):
+        panel = field.add_axes((0.01 + 0.33 * k, 0.18, 0.32, 0.72))
+        labels = states[number].probability
+        image_of(panel, pair.source.on_grid(labels), label_scale())
+        where = f"after {number} iterations" if number else "at the start"
+        title = f"{where}: {np.mean(labels > 0.5):.0%} inliers"
+        panel.set_title(title, loc="left", fontsize=10, color=ink(panel))
+        if k == 1:
+            colour_bar(panel, label_scale(), "probability of being an inlier; hatched: unobserved")
+    return {"convergence.png": ax.figure, "method-field.png": field}
+
+
+def films(pair: DeskPair) -> None:
+    """Film the default without a start, for pages and as MP4, and the paper's method."""
+    told: dict[str, Any] = {"truth": pair.truth, "names": NAMES}
+    small: dict[str, Any] = {"fps": 10, "seconds": 3.0, "size": (640, 360)}
+    recording = plot.Recording()
+    result = hmrf_icp.register(pair.source, pair.target, on_iteration=recording)
+    plot.animate(HERE / "film.gif", result, recording=recording, **told, **small)
+    plot.animate(HERE / "film.mp4", result, recording=recording, fps=20, **told)
+    paper = hmrf_icp.register(pair.source, pair.target, pair.init, preset="paper")
+    plot.animate(HERE / "film-paper.gif", paper, init=pair.init, preset="paper", **told, **small)
 
 
 def not_believed() -> None:
@@ -123,7 +145,11 @@ def main() -> None:
     """Draw them all."""
     with warnings.catch_warnings():
         warnings.simplefilter("ignore", hmrf_icp.RegistrationWarning)
-        of_the_desk(desk_pair())
+        pair = desk_pair()
+        of_the_desk(pair)
+        for name, figure in of_the_method(pair).items():
+            save(figure, name)
+        films(pair)
         not_believed()
         deviations_of_a_plate()
 

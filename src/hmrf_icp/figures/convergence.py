@@ -6,7 +6,7 @@ from typing import TYPE_CHECKING
 
 from hmrf_icp.drawing import palette
 from hmrf_icp.errors import InputError
-from hmrf_icp.figures.style import Lengths, Names, axes_or_new, entitled, ink, inked
+from hmrf_icp.figures.style import Lengths, Names, axes_or_new, entitled, inches, ink, inked
 from hmrf_icp.result import RegistrationResult, count
 
 if TYPE_CHECKING:
@@ -19,6 +19,10 @@ IN, OUT = ("inlier", "_in"), ("outlier", "_out")
 
 NO_LENGTH = ("beta", "share", "shape", "log", "degree", "freedom", "iteration")
 """What those hold that are no lengths, and are not drawn among them."""
+
+
+NARROW = 3.5
+"""Inches below which the legend is set tightly."""
 
 
 def convergence(
@@ -94,7 +98,16 @@ def convergence(
     _share(ax, steps, [one.inlier_share for one in history])
     low, high = ax.get_ylim()
     ax.set_ylim(low * (low / high) ** 0.35, high)  # room for the legend
-    ax.legend(frameon=False, fontsize=7.5, labelcolor=colour, loc="lower left", ncols=2)
+    small = inches(ax) < NARROW
+    ax.legend(
+        frameon=False,
+        fontsize=6.5 if small else 7.5,
+        labelcolor=colour,
+        loc="lower left",
+        ncols=2,
+        handlelength=1.2 if small else 2.0,
+        columnspacing=1.0 if small else 2.0,
+    )
     state = "Converged" if result.converged else "Not converged"
     entitled(ax, result, f"{state} after {count(len(history), 'iteration')}", names, method, title)
     return ax

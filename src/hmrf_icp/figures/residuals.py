@@ -69,7 +69,7 @@ def residuals(
     # Nothing to take a logarithm of: all distances are zero.
     logarithmic = logarithmic and bool((y > 0.0).any())
     _draw(ax, y, edges_for(y, logarithmic), fitted, logarithmic, Lengths(unit).plain)
-    ax.legend(frameon=False, fontsize=8, labelcolor=inked(ax))
+    ax.legend(frameon=False, fontsize=8, labelcolor=inked(ax), loc="upper left", labelspacing=0.2)
     entitled(ax, result, "Distances at the end", names, method, title)
     return ax
 
@@ -111,7 +111,7 @@ def residual_figure(
     else:
         right.set_axis_off()
     colour = inked(left)
-    left.legend(frameon=False, fontsize=8, labelcolor=colour)
+    left.legend(frameon=False, fontsize=8, labelcolor=colour, loc="upper right")
     if title is not None:
         figure.suptitle(title, fontsize=10, color=colour)
     return figure
@@ -153,10 +153,11 @@ def _draw(
         axes.plot(points, density, color=tint, linewidth=2.0, linestyle=line, label=label)
     odds = fitted.log_odds(points) > 0.0
     for i in np.flatnonzero(odds[:-1] != odds[1:]):
-        axes.axvline(float(points[i]), color=colour, linewidth=0.8, linestyle="--")
-    # A pole at zero distance, or an inlier scale far below a bin, would hide all else.
+        axes.axvline(float(points[i]), 0.0, 0.75, color=colour, linewidth=0.8, linestyle="--")
+    # A pole at zero distance, or an inlier scale far below a bin, would hide all else. The top
+    # quarter is the legend's.
     highest = float((count / (y.size * width)).max())
-    axes.set_ylim(0.0, 1.25 * highest if highest > 0.0 else 1.0)
+    axes.set_ylim(0.0, 1.4 * highest if highest > 0.0 else 1.0)
     axes.set_xlim(float(edges[0]), float(edges[-1]))
     if logarithmic:
         axes.set_xscale("log")

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import math
 from collections.abc import Sequence
+from textwrap import wrap
 from typing import Any
 
 import numpy as np
@@ -11,7 +12,7 @@ from numpy.typing import NDArray
 
 from hmrf_icp.drawing import palette
 from hmrf_icp.figures.shots import Shot
-from hmrf_icp.figures.style import Lengths, Names, headline, scale_bar, warning
+from hmrf_icp.figures.style import Lengths, Names, fitting, headline, scale_bar, warning
 from hmrf_icp.result import RegistrationResult
 from hmrf_icp.se3 import Array
 
@@ -22,6 +23,9 @@ STAGE = (0.01, 0.12, 0.66, 0.775)
 
 COLUMN = 0.69
 """Where the words begin."""
+
+WIDEST = 34
+"""Letters of a line that fit beside the clouds."""
 
 
 class Screen:
@@ -69,7 +73,10 @@ class Screen:
         self._image: Any = None
         self._map: Any = None
         self._field = self._axes((COLUMN, 0.12, 0.29, 0.36)) if organised else None
-        self._words(0.012, 0.985, headline("Registration", names, method), "bold")
+        # Bold letters are wider; the first line is as wide as the film.
+        wide = 0.9 * size[0] / DPI * 72.0
+        words, letter = fitting(headline("Registration", names, method), wide, self._letter)
+        self._words(0.012, 0.985, words, "bold", letter / self._letter)
         self._title = self._words(COLUMN, 0.90, "", "bold", 1.2)
         self._text = self._words(COLUMN, 0.83, "", linespacing=1.5)
         self._colours(0.495 if organised else 0.30, candidates)
@@ -150,7 +157,7 @@ class Screen:
                 f"overlap {result.overlap:.0%}, RMSE {self._lengths.text(result.inlier_rmse)}"
             )
         self._title.set_text(title)
-        self._text.set_text("\n".join(lines))
+        self._text.set_text("\n".join(part for line in lines for part in wrap(line, WIDEST)))
         self._cursor.set_xdata([shot.place])
         hollow = shot.kind == "between"
         wrong = shot.kind == "result" and not result.believed

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from dataclasses import dataclass
+from textwrap import wrap
 from typing import TYPE_CHECKING, Any, cast
 
 import numpy as np
@@ -68,6 +69,16 @@ class Lengths:
     def plain(self) -> str:
         """Name of the unit that the numbers are in."""
         return "units" if self.unit is None else "m"
+
+
+TITLE = 10.0
+"""Size of a title's letters, points."""
+
+LETTER = 0.58
+"""Width of a letter, of its size."""
+
+SMALLER = 0.83
+"""Of the size are the letters of a title that takes two lines."""
 
 
 def own_figure(width: float, height: float) -> Figure:
@@ -174,10 +185,11 @@ def entitled(
         ax.set_title(title, loc="left", fontsize="medium", fontweight="bold", color=colour)
         return
     pad = 6.0 if result.believed else 10.0 + BANNER_HEIGHT
+    words, size = fitting(headline(what, names, method), 72.0 * inches(ax), TITLE)
     ax.set_title(
-        f"{headline(what, names, method)}\n{result.verdict}",
+        f"{words}\n{result.verdict}",
         loc="left",
-        fontsize="medium",
+        fontsize=size,
         color=colour,
         pad=pad,
         parse_math=False,
@@ -194,6 +206,25 @@ def headline(what: str, names: Names | None, method: str | None) -> str:
     if method is not None:
         words.append(f"by {method}")
     return ", ".join(words)
+
+
+def inches(ax: Axes) -> float:
+    """Width of axes as they are laid out now."""
+    figure: Any = ax.figure
+    return float(ax.get_window_extent().width / figure.dpi)
+
+
+def fitting(words: str, wide: float, size: float) -> tuple[str, float]:
+    """Break a headline that is too long for its width into two lines of smaller letters.
+
+    ``wide`` and ``size`` are in points, as the size that comes back. What two lines do not hold
+    is left out, and an ellipsis says so.
+    """
+    if len(words) * LETTER * size <= wide:
+        return words, size
+    size *= SMALLER
+    most = max(20, int(wide / (LETTER * size)))
+    return "\n".join(wrap(words, most, max_lines=2, placeholder=" …")), size
 
 
 def warning(result: RegistrationResult) -> str:
