@@ -51,8 +51,8 @@ DECISIONS = (
         "a mix-up of units goes unsaid",
         "clouds a hundred times as large as each other are warned of",
         "registration.py",
-        "    if large > UNIT_MIX_UP * small:\n",
-        "    if large > 1e9 * UNIT_MIX_UP * small:\n",
+        "max(one, other) > UNIT_MIX_UP * min(one, other)",
+        "max(one, other) > 1e9 * UNIT_MIX_UP * min(one, other)",
         RESULT,
     ),
     Decision(

@@ -226,6 +226,9 @@ def described(
 
     middle = se3.transform(loop.transformation, source.centroid)
     information = None if loop.last is None else loop.last.information
+    confidence = None if searched is None else searched.confidence
+    if confidence is not None and mixed_up(source, target):
+        confidence = 0.0  # a speck agrees wherever it lies
     return RegistrationResult(
         transformation=between_frames(loop.transformation, source, target),
         converged=loop.converged,
@@ -237,7 +240,7 @@ def described(
         information=None if information is None else about_origin(information, -middle),
         centre=middle + target.origin,
         degenerate=free_motions(loop, target),
-        confidence=None if searched is None else searched.confidence,
+        confidence=confidence,
         visibility=None if searched is None else searched.visibility,
         source_view=seen_from(source),
         target_view=seen_from(target),
@@ -291,14 +294,19 @@ def free_motions(loop: LoopResult, target: PreparedCloud) -> tuple[FreeMotion, .
     return tuple(FreeMotion(twist) for twist in moved)
 
 
-def warn_of_units(source: PreparedCloud, target: PreparedCloud, stacklevel: int) -> None:
-    """Warn where one cloud is a hundred times the size of the other, or more."""
-    sizes = [
+def mixed_up(source: PreparedCloud, target: PreparedCloud) -> tuple[float, float] | None:
+    """Sizes of both where one is a hundred times the other or more; None elsewhere."""
+    one, other = (
         float(np.median(np.linalg.norm(points - np.median(points, axis=0), axis=1)))
         for points in (some_of(source.points), some_of(target.points))
-    ]
-    small, large = sorted(sizes)
-    if large > UNIT_MIX_UP * small:
+    )
+    return (one, other) if max(one, other) > UNIT_MIX_UP * min(one, other) else None
+
+
+def warn_of_units(source: PreparedCloud, target: PreparedCloud, stacklevel: int) -> None:
+    """Warn where the clouds are probably in different units."""
+    sizes = mixed_up(source, target)
+    if sizes is not None:
         warnings.warn(
             f"source spreads over {sizes[0]:.3g} and target over {sizes[1]:.3g} (median distance "
             "from the centre): one is probably in millimetres and the other in metres",

@@ -343,6 +343,8 @@ class Judged(NamedTuple):
     @property
     def confidence(self) -> float:
         """Probability that the pose is right without the prior of the start."""
+        if not self.loop.labels.inlier.any():
+            return 0.0  # whatever views agree on, not a point lies on the other cloud
         return confidence(self.visibility, self.loop.weakest)
 
     @property
