@@ -22,6 +22,8 @@ PAGES = {
 
 _FROM = {page: text for text, page in PAGES.items() if text != "README.md"}
 _LINK = re.compile(r"(?<!!)\[([^\]]+)\]\((?!https?:|#|mailto:)([^)#\s]+)(#[^)\s]*)?\)")
+_CODE = re.compile(r"<code>[^<]*</code>")
+_OPTION = re.compile(r"(?<![\w-])(--[a-z][\w-]*)")
 
 
 def on_files(files: Files, config: Any) -> Files:
@@ -48,6 +50,11 @@ def on_page_markdown(markdown: str, page: Any, **_: Any) -> str:
         return f"[{words}]({Path(relative).as_posix()}{part})"
 
     return _LINK.sub(led, markdown)
+
+
+def on_page_content(content: str, **_: Any) -> str:
+    """Keep an option in one piece: a line would break behind its first dash."""
+    return _CODE.sub(lambda found: _OPTION.sub(r'<span class="whole">\1</span>', found[0]), content)
 
 
 def _is_page(path: str) -> bool:
