@@ -1,4 +1,4 @@
-"""The method's figures are drawn by the code of the day, whatever was committed beside the pages."""
+"""The method's figures are drawn by the code of the day, whatever lies beside the pages."""
 
 from __future__ import annotations
 

@@ -47,8 +47,11 @@ class Scene:
 
 
 def draw_scene(scene: Scene, name: str, about: str, caption: str = "") -> Drawing:
-    """Draw both clouds from ahead and from above, in three columns: start, end, true pose."""
-    poses = [("At the start", scene.start), ("At the end", scene.end), ("True pose", scene.truth)]
+    """Draw both clouds of a run that failed, from two sides, in three columns.
+
+    They are the start, the end, in a frame that says that it is wrong, and the true pose.
+    """
+    poses = [("Start", scene.start), ("End: missed", scene.end), ("True pose", scene.truth)]
     views = (
         (("from the target's sensor", 0, 1, True), ("from above", 0, 2, False))
         if scene.from_camera
@@ -78,6 +81,8 @@ def draw_scene(scene: Scene, name: str, about: str, caption: str = "") -> Drawin
                 if row is grid[0]:
                     axes.set_title(title, color=palette.MIDDLE_INK)
                 _on_any_page(axes)
+                if axes is row[1]:
+                    _wrong(axes)
                 if axes is row[0]:
                     axes.set_ylabel(f"{view} (m)")
                 else:
@@ -95,7 +100,7 @@ def draw_scene(scene: Scene, name: str, about: str, caption: str = "") -> Drawin
             name,
             caption,
             "Two rows of three pictures of the target's points in orange and the source's in blue: "
-            f"at the start, at the end, and under the true pose. {about}",
+            f"at the start, at the end, which is framed, and under the true pose. {about}",
         )
 
 
@@ -107,6 +112,12 @@ def _on_any_page(axes: Axes) -> None:
         spine.set_color(palette.MIDDLE_INK)
     for text in (axes.xaxis.label, axes.yaxis.label):
         text.set_color(palette.MIDDLE_INK)
+
+
+def _wrong(axes: Axes) -> None:
+    """Frame what is not where it belongs, in the colour of what cannot be."""
+    for spine in axes.spines.values():
+        spine.set(visible=True, color=palette.VIOLATED, linewidth=2.5)
 
 
 def _cloud(axes: Axes, x: Array, y: Array, colour: str, label: str) -> None:

@@ -135,6 +135,8 @@ class Drawing:
         What a reader who cannot see it is told.
     png, svg
         The two files.
+    single
+        Whether it is one panel, which needs no more room than a column of text.
     """
 
     name: str
@@ -142,6 +144,7 @@ class Drawing:
     alternative: str
     png: bytes
     svg: bytes
+    single: bool = False
 
     @classmethod
     def of(cls, figure: Figure, name: str, caption: str, alternative: str) -> Drawing:
@@ -161,8 +164,9 @@ class Drawing:
         canvases: tuple[Any, Any] = FigureCanvasAgg(figure), FigureCanvasSVG(figure)
         canvases[0].print_png(png, metadata={"Software": None})
         canvases[1].print_svg(svg, metadata={"Date": None})
-        follows = follows_the_page(svg.getvalue())
-        return cls(name, caption, alternative, png.getvalue(), follows.encode("utf-8"))
+        follows = follows_the_page(svg.getvalue()).encode("utf-8")
+        single = len(figure.axes) == 1
+        return cls(name, caption, alternative, png.getvalue(), follows, single)
 
 
 @contextmanager

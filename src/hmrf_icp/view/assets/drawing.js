@@ -87,6 +87,7 @@ class Lines {
     Object.assign(this, {look, ratio, width: width / ratio, height: height / ratio});
     this.context.setTransform(ratio, 0, 0, ratio, 0, 0);
     this.context.clearRect(0, 0, this.width, this.height);
+    this.said = [];
   }
 
   place(p) { return this.look.project(p, this.width, this.height); }
@@ -124,8 +125,13 @@ class Lines {
     c.fillStyle = colour; c.strokeStyle = halo; c.lineWidth = 2;
     c.beginPath(); c.arc(at[0], at[1], 5, 0, 7); c.fill(); c.stroke();
     const wide = (c.font = "600 12px system-ui, sans-serif", c.measureText(text).width);
-    const fits = at[0] + wide + 12 < this.width;
-    this.word(text, fits ? at[0] + 9 : at[0] - wide - 9, at[1] + 4, colour, halo);
+    const fits = at[0] + wide + 12 < this.width, x = fits ? at[0] + 9 : at[0] - wide - 9;
+    // Below another's words where the two would lie on each other.
+    let y = at[1] + 4;
+    const below = other => x < other.right && x + wide > other.left && Math.abs(y - other.y) < 15;
+    for (let hit; (hit = this.said.find(below)); ) y = hit.y + 16;
+    this.said.push({left: x, right: x + wide, y});
+    this.word(text, x, y, colour, halo);
   }
 
   word(text, x, y, colour, halo) {
