@@ -6,12 +6,15 @@ Two noisy views of the desk that ``hmrf-icp demo`` renders, registered without a
 from __future__ import annotations
 
 import base64
+import io
 import sys
 import tempfile
 from pathlib import Path
 
 HERE = Path(__file__).parent
 sys.path.insert(0, str(HERE.parents[1] / "tests"))
+
+from PIL import Image  # noqa: E402
 
 import hmrf_icp  # noqa: E402
 from browsing import browser  # noqa: E402
@@ -48,7 +51,8 @@ def main() -> None:
             page.run(script)
             page.run(SETTLED)
             shot = page._post(asked, {"cmd": "Page.captureScreenshot", "params": {}})
-            (HERE / name).write_bytes(base64.b64decode(shot["data"]))
+            with Image.open(io.BytesIO(base64.b64decode(shot["data"]))) as picture:
+                picture.convert("RGB").quantize(96).save(HERE / name, optimize=True)
 
 
 if __name__ == "__main__":

@@ -189,7 +189,8 @@ def test_glb_that_promises_what_it_does_not_hold(tmp_path, change, message):
     ("suffix", "content", "message"),
     [
         (".obj", b"v 0 0 0\nv 1 0 0\nv 0 1 0\nf 1 2 9\n", r"m\.obj: "),
-        (".stl", stl()[:300], r"m\.stl: "),
+        (".stl", stl()[:300], r"m\.stl: cut short, or not an STL file: "),
+        (".stl", b"solid a\nfacet normal 0 0 1\nouter loop\nvertex 0 0", r"m\.stl: cut short: 1 "),
         (".stl", b"solid nothing\nendsolid\n", r"m\.stl: "),
         (".glb", glb()[:100], "cut short"),
         (".glb", b"hello, world, hello", "not a GLB file"),

@@ -48,6 +48,8 @@ def read_mesh(path: Path, samples: int | None = None) -> PointCloud:
         trimesh = optional(path, "trimesh", "mesh")
         if suffix == ".glb":
             check_glb(path, data)
+        if suffix == ".stl":
+            _check_stl(path, data)
         with quietly(), np.errstate(all="ignore"):
             # Without a resolver no other file is looked for, and none on the network.
             scene = trimesh.load_scene(
@@ -58,6 +60,22 @@ def read_mesh(path: Path, samples: int | None = None) -> PointCloud:
             )
             vertices, faces, columns = _gathered(path, scene, len(data))
     return cloud_of_mesh(path, vertices, faces, columns, samples)
+
+
+def _check_stl(path: Path, data: bytes) -> None:
+    """Refuse what does not hold the triangles that it promises."""
+    if data[:5].lower() == b"solid" and b"facet" in data[:2000].lower():
+        begun, ended = data.lower().count(b"facet normal"), data.lower().count(b"endfacet")
+        if begun != ended:
+            raise InputError(f"{path}: cut short: {begun:,} facets begin and {ended:,} end")
+        return
+    promised = int.from_bytes(data[80:84], "little")
+    found = max(0, len(data) - 84) // 50
+    if not 0 < promised <= found:
+        raise InputError(
+            f"{path}: cut short, or not an STL file: {promised:,} triangles promised, {found:,} "
+            "found"
+        )
 
 
 def cloud_of_mesh(
