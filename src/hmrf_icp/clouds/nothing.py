@@ -128,7 +128,8 @@ def _places(points: Array) -> list[Array]:
     return found
 
 
-MIXED = np.array([1.0, np.sqrt(2.0), np.sqrt(3.0)])
+MIXED = np.array([1.0, np.sqrt(2.0), np.sqrt(3.0)]) / 8.0
+"""What a place is multiplied by to be one number, which no place is too far away for."""
 
 
 def at_place(points: Array, place: Array) -> Mask:

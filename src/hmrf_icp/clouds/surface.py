@@ -209,10 +209,7 @@ def _grid(points: Array, viewpoint: Array) -> tuple[Array, NDArray[np.int64]]:
     """
     # Of the pairs of neighbours some that are spread over the grid tell as much as all.
     pairs = [(points[:-1], points[1:]), (points[:, :-1], points[:, 1:])]
-    some = [
-        [end.reshape(-1, 3)[:: 1 + end[..., 0].size // PAIRS] for end in pair] for pair in pairs
-    ]
-    ends = [[one - viewpoint for one in pair] for pair in some]
+    ends = [[_some(end.reshape(-1, 3)) - viewpoint for end in pair] for pair in pairs]
     stride = np.ones(2, dtype=np.int64)
     between = [_median(_length(_unit(far) - _unit(near))) for near, far in ends]
     if min(between) > 0.0:
@@ -225,13 +222,17 @@ def _grid(points: Array, viewpoint: Array) -> tuple[Array, NDArray[np.int64]]:
     return np.array([middle, middle]) if middle > 0.0 else np.ones(2), stride
 
 
+def _some(rows: Array) -> Array:
+    return rows[:: 1 + len(rows) // PAIRS]
+
+
 def _length(vectors: Array) -> Array:
     """Length (M,) of vectors (M, 3); ``norm`` along the rows takes three times as long."""
     return np.asarray(np.sqrt(np.einsum("ij,ij->i", vectors, vectors)))
 
 
 def _unit(vectors: Array) -> Array:
-    """Unit vectors (M, 3); NaN for none: a point at the viewpoint is at no angle."""
+    """Make vectors (M, 3) of length 1; NaN for none: a point at the viewpoint is at no angle."""
     length = _length(vectors)
     return np.asarray(vectors / np.where(length > 0.0, length, np.nan)[:, None])
 
