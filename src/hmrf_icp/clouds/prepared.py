@@ -162,7 +162,7 @@ class PreparedCloud:
         """The cloud from its viewpoint or, where that is not known, from the likeliest place."""
         if self.cloud.viewpoint is not None or not self.look:
             return self
-        seen = find_view(self.cloud, self.downsampled(POINTS).surface, -self.origin)
+        seen = find_view(self.cloud, lambda: self.downsampled(POINTS).surface, -self.origin)
         if seen.camera is not None:
             cloud = PointCloud(
                 self.cloud.points,

@@ -295,19 +295,16 @@ def _spread_out(points: Array, tree: Tree) -> tuple[NDArray[np.int64], Tree]:
     None where another is nearer than :data:`THINNING` says, unless too few were left to fit a
     plane to; and never two at the same place, which are one place to a plane.
     """
-    rows = np.arange(len(points))
-    nearest, _ = tree.query(points, k=min(2, len(points)))
-    nearest = nearest.reshape(len(points), -1)[:, -1]
-    if not nearest.min() > 0.0:
-        rows = thinned(points, 0.0)
-        if len(rows) < len(points):
-            tree = Tree(points[rows])
-            nearest, _ = tree.query(points[rows], k=min(2, len(rows)))
-            nearest = nearest.reshape(len(rows), -1)[:, -1]
-    apart = thinned(points[rows], THINNING * float(np.median(nearest)))
+    rows = thinned(points, 0.0)
+    if len(rows) < len(points):
+        points, tree = points[rows], Tree(points[rows])
+    asked = points[:: 1 + len(points) // PAIRS]
+    nearest, _ = tree.query(np.ascontiguousarray(asked), k=min(2, len(points)))
+    usual = float(np.median(nearest.reshape(len(asked), -1)[:, -1]))
+    apart = thinned(points, THINNING * usual)
     if len(apart) < NEIGHBOURS:
         return rows, tree
-    return rows[apart], Tree(points[rows[apart]])
+    return rows[apart], Tree(points[apart])
 
 
 def _noise(reach: Array, residual: Array, spacing: Array) -> Array:
