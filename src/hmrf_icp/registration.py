@@ -13,7 +13,7 @@ import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
 from hmrf_icp import presets, se3, threads
-from hmrf_icp.clouds.cloud import LARGEST_COORDINATE, PointCloudLike, some_of
+from hmrf_icp.clouds.cloud import LARGEST_COORDINATE, PointCloudLike
 from hmrf_icp.clouds.prepared import PreparedCloud, prepare
 from hmrf_icp.clouds.sensor_view import SensorView
 from hmrf_icp.errors import InputError, RegistrationWarning, interruptible
@@ -298,7 +298,7 @@ def mixed_up(source: PreparedCloud, target: PreparedCloud) -> tuple[float, float
     """Sizes of both where one is a hundred times the other or more; None elsewhere."""
     one, other = (
         float(np.median(np.linalg.norm(points - np.median(points, axis=0), axis=1)))
-        for points in (some_of(source.points), some_of(target.points))
+        for points in (source.cloud.some(), target.cloud.some())
     )
     return (one, other) if max(one, other) > UNIT_MIX_UP * min(one, other) else None
 
