@@ -35,7 +35,7 @@ def banners(ax):
 def test_the_axes_given_come_back_with_verdict_names_and_method(name, result, ax):
     before = dict(mpl.rcParams)
     assert FIGURES[name](result, ax=ax, names=("a.ply", "b.ply"), method="paper") is ax
-    title = ax.get_title(loc="left")
+    title = " ".join(ax.get_title(loc="left").split())  # a long one takes two lines
     assert result.verdict in title
     assert "a.ply to b.ply" in title
     assert "by paper" in title
@@ -187,3 +187,18 @@ def test_free_directions_are_drawn_in_their_colour(ax):
     assert len(arrows) == len(result.degenerate)
     for arrow in arrows:
         assert mpl.colors.to_hex(arrow.arrow_patch.get_edgecolor()) == palette.FREE
+
+
+def test_long_names_take_a_second_line_and_stay_inside():
+    from hmrf_icp.figures.style import fitting
+
+    words = (
+        "Inliers, room-17_scan_0001_registered.ply to room-17_scan_0002_registered.ply, by robust"
+    )
+    assert fitting(words, 1000.0, 10.0) == (words, 10.0)
+    lines, size = fitting(words, 380.0, 10.0)
+    assert size < 10.0
+    assert lines.replace("\n", " ") == words
+    shortened, _ = fitting(5 * words, 380.0, 10.0)
+    assert shortened.count("\n") == 1
+    assert shortened.endswith("…")
