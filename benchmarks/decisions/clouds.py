@@ -71,7 +71,8 @@ DECISIONS = (
         "an image with hardly a pixel has hardly a normal",
         "an image with many holes has its neighbours from a tree",
         "clouds/surface.py",
-        "return found if len(found.shares[0]) > FEW_PLANES * len(cloud) else _unorganised(cloud, tree())",
+        "return found if len(found.shares[0]) > FEW_PLANES * len(cloud) "
+        "else _unorganised(cloud, tree())",
         "return found",
         SURFACE,
     ),
