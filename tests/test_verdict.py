@@ -96,12 +96,13 @@ def test_millimetres_beside_metres_are_said_to_be():
     assert "millimetres" not in said
 
 
-@pytest.mark.parametrize("times", [10.0, 39.37, 1000.0, 0.001])
+@pytest.mark.parametrize("times", [39.37, 1000.0, 0.001])
 def test_a_cloud_in_another_unit_is_not_believed(times):
     """Far off, views agree by chance with not a point on the other cloud; a speck always does."""
     result, said = heard(times * frame(8).observed_points, frame(0).observed_points)
     assert not result.believed
     assert "more likely wrong than right" in said
+    assert "same unit" in said
 
 
 def test_a_grid_of_points_tells_its_camera():

@@ -131,6 +131,8 @@ class RegistrationResult:
             return None
         if self.confidence is None:
             return "try a start nearer to the true pose, more iterations or another preset"
+        if self.confidence == 0.0:
+            return "no point lies on the other cloud: check that both are in the same unit"
         unknown = [
             name
             for name, view in (("source", self.source_view), ("target", self.target_view))
