@@ -131,8 +131,7 @@ class RegistrationResult:
             return None
         if self.confidence is None:
             return "try a start nearer to the true pose, more iterations or another preset"
-        if self.confidence == 0.0:
-            return "no point lies on the other cloud: check that both are in the same unit"
+        unit = "check that both are in the same unit; " if self.confidence == 0.0 else ""
         unknown = [
             name
             for name, view in (("source", self.source_view), ("target", self.target_view))
@@ -140,10 +139,10 @@ class RegistrationResult:
         ]
         if unknown:
             return (
-                f"say where the sensor of {' and '.join(unknown)} stood (a camera, or a "
+                f"{unit}say where the sensor of {' and '.join(unknown)} stood (a camera, or a "
                 "viewpoint), or try a start nearer to the true pose"
             )
-        return "try a start nearer to the true pose, or views that share more"
+        return f"{unit}try a start nearer to the true pose, or views that share more"
 
     @property
     def inlier_probability(self) -> NDArray[np.float64]:
