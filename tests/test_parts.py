@@ -7,6 +7,8 @@ from functools import partial
 
 import numpy as np
 import pytest
+from hypothesis import given, settings
+from hypothesis import strategies as st
 from scipy.spatial import cKDTree
 
 import hmrf_icp
@@ -203,3 +205,26 @@ def test_nearest_neighbours_with_tolerance_are_almost_the_nearest(tolerance):
 def test_tolerance_is_a_share(tolerance):
     with pytest.raises(hmrf_icp.InputError, match="tolerance"):
         NearestNeighbour(tolerance=tolerance)
+
+
+@given(
+    seed=st.integers(0, 1000),
+    steps=st.lists(st.floats(1e-6, 0.3), min_size=1, max_size=6),
+    tolerance=st.sampled_from([0.02, 0.1, 0.5]),
+)
+@settings(max_examples=25, deadline=None)
+def test_matches_kept_from_one_pose_to_the_next_are_as_close_as_new_ones(seed, steps, tolerance):
+    rng = np.random.default_rng(seed)
+    source, target = (PreparedCloud(PointCloud(rng.normal(size=(60, 3)))) for _ in range(2))
+    kept = NearestNeighbour(tolerance=tolerance).prepare(source, target)
+    exact = NearestNeighbour().prepare(source, target)
+    placed = Placed(source.points, np.eye(4))
+    before = kept(placed)
+    held = before.index.copy()
+    for length in steps:
+        placed = placed.moved(se3.exp(length * rng.normal(size=6)))
+        found, closest = kept(placed), exact(placed)
+        there = np.linalg.norm(placed.points - target.points[found.index], axis=1)
+        np.testing.assert_allclose(found.distance, there, atol=1e-12)
+        assert (found.distance <= (1.0 + tolerance) * closest.distance + 1e-12).all()
+    np.testing.assert_array_equal(before.index, held)  # what was handed out does not change

@@ -6,7 +6,7 @@ import math
 from collections.abc import Mapping
 from dataclasses import dataclass, field
 from functools import cached_property
-from typing import Any, Protocol, TypeAlias
+from typing import Any, Protocol, TypeAlias, TypeVar
 
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
@@ -18,6 +18,8 @@ from hmrf_icp.clouds.distorted_camera import DistortedCamera
 from hmrf_icp.clouds.nothing import MIXED, at_place, nothing
 from hmrf_icp.clouds.per_point import Attributes, normals_for
 from hmrf_icp.errors import InputError
+
+Number = TypeVar("Number", bound=np.generic)
 
 MINIMUM_POINTS = 10
 """Fewer observed points than this are refused: six unknowns and some evidence against chance."""
@@ -182,18 +184,24 @@ class PointCloud:
         return np.asarray(observed)
 
     @cached_property
+    def _complete(self) -> bool:
+        return bool(self.observed.all())
+
+    @cached_property
     def observed_points(self) -> NDArray[np.float64]:
         """(M, 3): the observed points, in the order of the grid."""
         points = self.points.reshape(-1, 3)
-        if not self.observed.all():
+        if not self._complete:
             points = points.take(np.flatnonzero(self.observed), axis=0)
             points.flags.writeable = False
         return points
 
     def some(self, count: int = SAMPLE) -> NDArray[np.float64]:
         """Choose about ``count`` of the observed points evenly along the cloud, (K, 3)."""
-        rows = np.flatnonzero(self.observed)
-        return self.points.reshape(-1, 3)[rows[:: max(1, len(rows) // count)]]
+        points = self.points.reshape(-1, 3)
+        if self._complete:
+            return some_of(points, count)
+        return points[some_of(np.flatnonzero(self.observed), count)]
 
     def on_grid(self, values: NDArray[Any], fill: float = np.nan) -> NDArray[Any]:
         """Lay one value an observed point, (M, ...), out in the cloud's shape."""
@@ -366,9 +374,9 @@ def require_registrable(cloud: PointCloud, name: str) -> None:
             )
 
 
-def some_of(points: NDArray[np.float64], count: int = SAMPLE) -> NDArray[np.float64]:
-    """Choose about ``count`` of the points (M, 3), evenly along the cloud."""
-    return points[:: max(1, len(points) // count)]
+def some_of(rows: NDArray[Number], count: int = SAMPLE) -> NDArray[Number]:
+    """Choose about ``count`` of the rows, one a point (M, ...), evenly along the cloud."""
+    return rows[:: max(1, len(rows) // count)]
 
 
 def _distinct(points: NDArray[np.float64]) -> int:

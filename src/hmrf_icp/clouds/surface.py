@@ -23,8 +23,8 @@ WINDOW = 2
 NEIGHBOURS = 16
 """Points that a normal is fitted to where there is no grid."""
 
-MORE_NEIGHBOURS = (24, 32, 48, 64)
-"""The same where so many stand on a line."""
+MORE_NEIGHBOURS = ((24, 32), (48, 64))
+"""The same where so many stand on a line; those that are enough for most are asked for first."""
 
 THINNING = 3.0
 """Edge of the cells that keep one neighbour each, in median distances to the nearest neighbour.
@@ -38,6 +38,9 @@ FEW_PLANES = 0.1
 
 An image with few pixels left has neighbours farther away than its windows reach.
 """
+
+SPACED = 2500
+"""Points whose nearest neighbour is looked for to tell how far apart a cloud's points are."""
 
 PAIRS = 20_000
 """Pairs of neighbours on a grid that are enough to tell how far apart rows and columns are."""
@@ -267,9 +270,11 @@ def _unorganised(cloud: PointCloud, tree: Tree) -> Surface:
     normals, residual, support, reach, width = fit_neighbours(
         points, index, distance, everything, counts, viewpoint
     )
-    lines = np.flatnonzero(np.isnan(residual))
-    if lines.size and len(thin) > counts[0]:
-        counts = np.unique(np.minimum(MORE_NEIGHBOURS, len(thin)))
+    for more in MORE_NEIGHBOURS:
+        lines = np.flatnonzero(np.isnan(residual))
+        if not lines.size or len(thin) <= counts[-1]:
+            break
+        counts = np.unique(np.minimum(more, len(thin)))
         distance, index = neighbours(points[lines], int(counts[-1]))
         normals[lines], residual[lines], support[lines], reach[lines], width[lines] = (
             fit_neighbours(points, index, distance, lines, counts, viewpoint)
@@ -298,7 +303,7 @@ def _spread_out(points: Array, tree: Tree) -> tuple[NDArray[np.int64], Tree]:
     rows = thinned(points, 0.0)
     if len(rows) < len(points):
         points, tree = points[rows], Tree(points[rows])
-    asked = points[:: 1 + len(points) // PAIRS]
+    asked = points[:: 1 + len(points) // SPACED]
     nearest, _ = tree.query(np.ascontiguousarray(asked), k=min(2, len(points)))
     usual = float(np.median(nearest.reshape(len(asked), -1)[:, -1]))
     apart = thinned(points, THINNING * usual)
