@@ -122,13 +122,17 @@ class PinholeCamera:
         v = self.fy * points[..., 1] / front + self.cy
         return u, v, z
 
-    def subsampled(self, step: int) -> PinholeCamera:
-        """Return the camera of the image that keeps every ``step``-th row and column."""
+    def subsampled(self, step: int, across: int | None = None) -> PinholeCamera:
+        """Return the camera of the image that keeps every ``step``-th row and column.
+
+        Of the columns every ``across``-th, where that is given.
+        """
+        across = step if across is None else across
         return PinholeCamera(
-            width=-(-self.width // step),
+            width=-(-self.width // across),
             height=-(-self.height // step),
-            fx=self.fx / step,
+            fx=self.fx / across,
             fy=self.fy / step,
-            cx=self.cx / step,
+            cx=self.cx / across,
             cy=self.cy / step,
         )

@@ -233,16 +233,20 @@ class PointCloud:
             object.__setattr__(cloud, name, value)
         return cloud
 
-    def subsample(self, step: int) -> PointCloud:
-        """Keep every ``step``-th row and column (organised) or every ``step``-th point."""
-        if step < 1:
-            raise InputError(f"subsample: expected a step of 1 or more, got {step}")
-        kept = (slice(None, None, step),) * len(self.shape)
+    def subsample(self, step: int, across: int | None = None) -> PointCloud:
+        """Keep every ``step``-th row and column (organised) or every ``step``-th point.
+
+        Of the columns every ``across``-th, where that is given.
+        """
+        across = step if across is None else across
+        if min(step, across) < 1:
+            raise InputError(f"subsample: expected a step of 1 or more, got {min(step, across)}")
+        kept = (slice(None, None, step), slice(None, None, across))[: len(self.shape)]
         return self.derived(
             np.ascontiguousarray(self.points[kept]),
             self.viewpoint,
             {name: values[kept] for name, values in self.attributes.items()},
-            None if self.camera is None else self.camera.subsampled(step),
+            None if self.camera is None else self.camera.subsampled(step, across),
             None if self.normals is None else np.ascontiguousarray(self.normals[kept]),
         )
 

@@ -34,6 +34,9 @@ CLOSE = 0.9
 FINEST = 1e-15
 """Smallest edge of a cell, as a share of the cloud's longest side: cells are counted in 63 bits."""
 
+GAPS = 20_000
+"""Gaps between neighbours on a grid that are enough to tell how far its rows are apart."""
+
 HIT = 0.25
 """Share of the pixels expected that a thinned image must have; otherwise it is thinned less.
 
@@ -68,7 +71,7 @@ class Downsampled:
 def downsample(cloud: PointCloud, most: int) -> Downsampled:
     """Thin a cloud out to about ``most`` points; the same cloud where it has no more.
 
-    An organised cloud keeps every n-th row and column, so that it stays one;
+    An organised cloud keeps every n-th row and every m-th column, so that it stays one;
     any other keeps one point of every cell of a grid of cubes, so that what is
     dense is thinned first. The time it takes grows with the points.
     """
@@ -78,21 +81,55 @@ def downsample(cloud: PointCloud, most: int) -> Downsampled:
 
 
 def _every_nth(cloud: PointCloud, most: int) -> Downsampled:
-    step = math.ceil(math.sqrt(len(cloud) / most))
-    while step > 1 and np.count_nonzero(cloud.observed[::step, ::step]) < HIT * min(
-        most, len(cloud) / step**2
+    down, across = _steps(cloud, most)
+    while max(down, across) > 1 and np.count_nonzero(cloud.observed[::down, ::across]) < HIT * min(
+        most, len(cloud) / (down * across)
     ):
-        step -= 1
-    few = cloud.subsample(step)
-    return Downsampled(few, lambda: _of_blocks(cloud, few, step))
+        down, across = max(1, down - 1), max(1, across - 1)
+    few = cloud.subsample(down, across)
+    return Downsampled(few, lambda: _of_blocks(cloud, few, down, across))
 
 
-def _of_blocks(cloud: PointCloud, few: PointCloud, step: int) -> NDArray[np.intp]:
+def _steps(cloud: PointCloud, most: int) -> tuple[int, int]:
+    """Of how many rows, and of how many columns, one stays: as far apart both ways as can be.
+
+    The rings of a spinning LiDAR are farther apart than the points along them, and none is
+    to spare.
+    """
+    share = len(cloud) / most
+    even = math.ceil(math.sqrt(share))
+    apart = None if cloud.camera is not None else steps_apart(cloud.points)
+    if apart is None:
+        return even, even
+
+    def uneven(steps: tuple[int, int]) -> float:
+        return abs(math.log(steps[0] * apart[0] / (steps[1] * apart[1])))
+
+    pairs = [(down, math.ceil(share / down)) for down in range(1, math.ceil(share) + 1)]
+    return min(pairs, key=uneven)
+
+
+def steps_apart(points: Array) -> tuple[float, float] | None:
+    """How far neighbours in a column and in a row of a grid (H, W, 3) are apart, medians, metres.
+
+    None where there are no two beside each other, or they coincide.
+    """
+    found = []
+    for one, other in ((points[:-1], points[1:]), (points[:, :-1], points[:, 1:])):
+        step = 1 + one[..., 0].size // GAPS
+        gap = other.reshape(-1, 3)[::step] - one.reshape(-1, 3)[::step]
+        length = np.sqrt(np.einsum("ij,ij->i", gap, gap))
+        length = length[np.isfinite(length)]
+        found.append(float(np.median(length)) if length.size else 0.0)
+    return (found[0], found[1]) if min(found) > 0.0 else None
+
+
+def _of_blocks(cloud: PointCloud, few: PointCloud, down: int, across: int) -> NDArray[np.intp]:
     """Rows of the pixels that stay, for each pixel observed: of its block, or the nearest."""
     place = np.full(few.shape, -1, dtype=np.intp)
     place[few.observed] = np.arange(len(few))
     height, width = cloud.shape
-    blocks = place.repeat(step, axis=0)[:height].repeat(step, axis=1)[:, :width]
+    blocks = place.repeat(down, axis=0)[:height].repeat(across, axis=1)[:, :width]
     rows = blocks[cloud.observed]
     lost = rows < 0
     if lost.any():
