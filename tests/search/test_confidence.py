@@ -41,6 +41,13 @@ def test_where_nothing_agrees_nothing_is_believed(visibility):
 
 
 @pytest.mark.parametrize("visibility", [SEEN, UNSEEN])
+def test_a_corner_that_agrees_is_little_though_nothing_contradicts_it():
+    corner = Visibility(agree=200, front=1, behind=1500, outside=6300, other=0)
+    tenth = Visibility(agree=800, front=1, behind=1500, outside=5700, other=0)
+    assert confidence(corner) < 0.5
+    assert confidence(tenth) > 0.8
+
+
 def test_of_two_poses_the_one_that_is_held_better_is_likelier(visibility):
     odds = [log_odds(visibility, weakest) for weakest in (0.1, 1.0, 5.0, 20.0, 100.0)]
     assert odds[0] < odds[1] < odds[2] < odds[3] == odds[4]
