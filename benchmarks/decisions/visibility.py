@@ -170,6 +170,14 @@ DECISIONS = (
         TOLD,
     ),
     Decision(
+        "a corner may be believed",
+        "where few points agree nothing is believed, though nothing contradicts them",
+        "search/confidence.py",
+        "        most = min(most, AGREEING * math.log(max(agree, PSEUDO) / LEAST_AGREEING))\n",
+        "        pass\n",
+        TOLD,
+    ),
+    Decision(
         "a plane on a plane may be believed",
         "what slides is not believed, however much agrees",
         "search/confidence.py",
