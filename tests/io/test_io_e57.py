@@ -104,7 +104,7 @@ def test_rows_and_columns_are_a_grid_again(tmp_path):
     )
 
 
-@pytest.mark.parametrize("why", ["thinned out", "two returns", "one row", "beams apart"])
+@pytest.mark.parametrize("why", ["thinned out", "two returns", "one row"])
 def test_points_that_fill_no_grid_are_a_list(tmp_path, why):
     rows, columns = (values.copy() for values in ROWS.values())
     if why == "thinned out":
@@ -113,10 +113,7 @@ def test_points_that_fill_no_grid_are_a_list(tmp_path, why):
         rows[1], columns[1] = rows[0], columns[0]
     elif why == "one row":
         rows[:], columns = 0, np.arange(50, dtype=np.uint16)
-    points = POINTS
-    if why == "beams apart":
-        points = np.column_stack([columns, 3.0 * rows, 0.1 * POINTS[:, 2]])
-    data = scan_of(points, rowIndex=rows, columnIndex=columns)
+    data = scan_of(POINTS, rowIndex=rows, columnIndex=columns)
     cloud = read_cloud(written(tmp_path / "l.e57", (data, STILL, np.zeros(3))))
     assert cloud.shape == (50,)
     np.testing.assert_array_equal(cloud.attributes["rowIndex"], rows)

@@ -183,7 +183,7 @@ def _pose(path: Path, scan: Any) -> tuple[Array, Array]:
 def _joined(scans: list[_Scan]) -> PointCloud:
     if len(scans) == 1:
         points, rest, normals, stood, grid, kept = scans[0]
-        if grid is not None and grid.even(points, kept):
+        if grid is not None:
             held = {name: grid.laid(v, kept) for name, v in rest.items() if name not in INDICES}
             turned = None if normals is None else grid.laid(normals, kept)
             return PointCloud(grid.laid(points, kept), None, stood, turned, held)

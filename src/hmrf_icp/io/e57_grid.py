@@ -14,13 +14,6 @@ FULL = 0.5
 neighbours are gone, and its points are a list."""
 
 
-EVEN = 2.5
-"""Most times that neighbours in one direction are as far apart as in the other. Surfaces of a
-grid are fitted to windows of pixels: on rendered rooms of 720 columns the pose was 0.1 mm off
-where the list of points gave 0.2 mm, as long as rows were twice as far apart as columns or less;
-at three times it was 0.4 mm and 0.1 mm, and at eight 2.6 mm and 0.2 mm."""
-
-
 class Grid(NamedTuple):
     """Where the records of a scan stand.
 
@@ -42,16 +35,6 @@ class Grid(NamedTuple):
         grid = np.full((self.height * self.width, *values.shape[1:]), fill, values.dtype)
         grid[self.cell[kept]] = values[kept]
         return grid.reshape(self.height, self.width, *values.shape[1:])
-
-    def even(self, points: NDArray[np.float64], kept: NDArray[np.bool_]) -> bool:
-        """Whether neighbours are about as far apart along the rows as along the columns."""
-        laid = self.laid(points, kept)
-        apart = []
-        for axis in (0, 1):
-            steps = np.linalg.norm(np.diff(laid, axis=axis), axis=-1)
-            steps = steps[steps > 0.0]  # nor is NaN
-            apart.append(float(np.median(steps)) if steps.size else 0.0)
-        return max(apart) <= EVEN * min(apart)
 
 
 def grid_of(rows: NDArray[np.float64], columns: NDArray[np.float64]) -> Grid | None:
