@@ -208,8 +208,16 @@ DECISIONS = (
         "the origin has no favour",
         "the origin is assumed where hardly more is hidden from it",
         "clouds/assumed_viewpoint.py",
-        "        most = min(least + ORIGIN_FAVOURED, among)\n",
-        "        most = least\n",
+        "here <= min(least + ORIGIN_FAVOURED, among)",
+        "here <= -1.0",
+        ("clouds/test_assumed_viewpoint.py",),
+    ),
+    Decision(
+        "the origin of a camera's frame is an origin like any other",
+        "where the frame is a camera's its origin is assumed unless much is hidden from it",
+        "clouds/assumed_viewpoint.py",
+        "    if here <= CAMERA_HIDES and in_camera_frame(points - origin):\n",
+        "    if False:\n",
         ("clouds/test_assumed_viewpoint.py",),
     ),
     Decision(
