@@ -161,6 +161,13 @@ def test_dynamic_takes_the_valley_where_the_registration_is_bad():
     assert 2.0 < threshold < 8.5
 
 
+def test_a_gap_before_the_highest_peak_is_no_valley():
+    # Bins a metre wide: a few good matches, a gap, most of them, and a valley at 6.5 m.
+    count = [3, 0, 5, 20, 6, 1, 0, 4, 2, 2]
+    distance = np.concatenate([np.repeat(np.arange(10) + 0.5, count), [0.0, 10.0]])
+    assert first_valley(distance) == pytest.approx(6.5)
+
+
 def test_a_histogram_without_a_valley_keeps_everything():
     assert first_valley(np.full(20, 3.0)) >= 3.0
     falling = np.repeat(np.arange(10.0), np.arange(20, 0, -2))
