@@ -53,7 +53,7 @@ def street(seed: int) -> scenes.Scene:
         for _ in range(8):
             place = at(rng.uniform(-50, 50), side * rng.uniform(6, 8), 0.0)
             parts.append(Frustum(place, 0.15, 0.15, 6.0))
-    return scenes.Scene(tuple(parts))
+    return scenes.Scene("street", tuple(parts))
 
 
 def hit(scene: scenes.Scene, place: np.ndarray, points: np.ndarray) -> np.ndarray:

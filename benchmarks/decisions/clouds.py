@@ -133,6 +133,14 @@ DECISIONS = (
         OVERLAP,
     ),
     Decision(
+        "a point of a dense part stands for as much as one of a sparse part",
+        "thinned points stand for as many as there were about each of them",
+        "clouds/surface.py",
+        "    held = stood[index].sum(axis=1)\n",
+        "    held = np.full(len(points), stood.mean() * counts[0])\n",
+        SURFACE,
+    ),
+    Decision(
         "noise is no excuse for overlap",
         "points overlap within the noise of both clouds",
         "clouds/overlap.py",
