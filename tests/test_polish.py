@@ -32,7 +32,8 @@ def walls():
 def told(source, target, pose):
     placed = Placed.at(pose, source.points)
     chance = np.ones(len(source))
-    near = Near.of(placed, target, chance)
+    _, row = target.tree.query(placed.points)
+    near = Near.of(placed, target, chance, row)
     matches, share = agreeing(placed, source, target, chance, near)
     return placed, matches, share
 
@@ -58,7 +59,7 @@ def test_a_match_counts_less_the_farther_off_it_is(walls):
         points[~left, 2] -= times * NOISE
         placed = Placed(points, np.eye(4))
         chance = np.ones(len(source))
-        near = Near.of(placed, target, chance)
+        near = Near.of(placed, target, chance, target.tree.query(points)[1])
         _, share = agreeing(placed, source, target, chance, near)
         shares.append(float(share[~left].mean()))
     assert shares == sorted(shares, reverse=True)

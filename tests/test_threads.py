@@ -8,6 +8,7 @@ import subprocess
 import sys
 import textwrap
 import threading
+from pathlib import Path
 
 import numpy as np
 import pytest
@@ -126,3 +127,41 @@ def test_a_fork_in_the_middle_of_a_call_asks_without_its_threads(four_cores):
             found, _ = plain.query(points, k=2)
             os._exit(0 if np.array_equal(found, expected) else 1)
         assert os.waitstatus_to_exitcode(os.waitpid(child, 0)[1]) == 0
+
+
+BUSY = """
+import os, sys
+import numpy as np
+import hmrf_icp
+sys.path.insert(0, sys.argv[1])
+import synthetic
+
+def others():
+    own, ticks = str(os.getpid()), 0
+    for thread in os.listdir("/proc/self/task"):
+        if thread != own:
+            fields = open(f"/proc/self/task/{thread}/stat").read().rsplit(")", 1)[1].split()
+            ticks += int(fields[11]) + int(fields[12])
+    return ticks
+
+source, target = synthetic.pair(height=130, width=180)
+for preset in ("robust", "paper"):
+    hmrf_icp.register(source, target, preset=preset, num_threads=1)
+before = others()
+for preset in ("robust", "paper"):
+    for _ in range(3):
+        hmrf_icp.register(source, target, preset=preset, num_threads=1)
+print(others() - before)
+"""
+"""Ticks that threads other than the one that calls have run for; linear algebra brings some."""
+
+
+@pytest.mark.skipif(not sys.platform.startswith("linux"), reason="threads are looked at in /proc")
+def test_one_thread_keeps_no_other_busy():
+    # What the libraries would do if nobody told them otherwise.
+    free = {k: v for k, v in os.environ.items() if not k.endswith("_NUM_THREADS")}
+    here = str(Path(__file__).parent)
+    run = [sys.executable, "-W", "ignore", "-c", textwrap.dedent(BUSY), here]
+    done = subprocess.run(run, env=free, capture_output=True, text=True, timeout=300)
+    assert done.returncode == 0, done.stderr
+    assert int(done.stdout) <= 1

@@ -13,7 +13,7 @@ import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
 from hmrf_icp import presets, se3, threads
-from hmrf_icp.clouds.cloud import LARGEST_COORDINATE, PointCloudLike, some_of
+from hmrf_icp.clouds.cloud import LARGEST_COORDINATE, PointCloudLike
 from hmrf_icp.clouds.prepared import PreparedCloud, prepare
 from hmrf_icp.clouds.sensor_view import SensorView
 from hmrf_icp.errors import (
@@ -300,7 +300,7 @@ def warn_of_units(source: PreparedCloud, target: PreparedCloud, stacklevel: int)
     """Warn where one cloud is a hundred times the size of the other, or more."""
     sizes = [
         float(np.median(np.linalg.norm(points - np.median(points, axis=0), axis=1)))
-        for points in (some_of(source.points), some_of(target.points))
+        for points in (source.cloud.some(), target.cloud.some())
     ]
     small, large = sorted(sizes)
     if large > UNIT_MIX_UP * small:

@@ -7,7 +7,7 @@ import pytest
 
 import hmrf_icp
 from hmrf_icp import PointCloud, prepare, se3
-from hmrf_icp.clouds.assumed_viewpoint import assumed_viewpoint
+from hmrf_icp.clouds.assumed_viewpoint import assumed_viewpoint, in_camera_frame
 from views import frame, off, truth
 
 
@@ -41,6 +41,18 @@ def test_the_frame_of_the_first_view_is_where_it_stood():
     assert view.kind == "assumed"
     assert view.at_origin
     assert not prepare(fused(0, 8, FAR)).viewed.seen_from.at_origin
+
+
+def test_the_origin_of_a_cameras_frame_is_where_the_first_view_was_whatever_later_ones_saw():
+    # Seven views all round: from many places less is hidden than from the first.
+    views = [(k, se3.transform(truth(k, 0), frame(k).observed_points)) for k in range(0, 28, 4)]
+    points = np.concatenate([some for _, some in views])[::4]
+    assert in_camera_frame(points)
+    assert prepare(points).viewed.seen_from.at_origin
+    # OpenGL's cameras look against z; and a frame in which nothing stands before it is none.
+    assert prepare(points * [1.0, -1.0, -1.0]).viewed.seen_from.at_origin
+    assert not in_camera_frame(points[:, [2, 0, 1]])
+    assert not in_camera_frame(points - points.mean(axis=0))
 
 
 def test_an_assumed_place_gives_normals_no_sign_and_no_pose_its_free_space():

@@ -8,6 +8,8 @@ right poses from wrong ones far better than distances do.
 
 from __future__ import annotations
 
+import math
+
 import numpy as np
 from numpy.typing import NDArray
 
@@ -29,6 +31,17 @@ ORIGIN_FAVOURED, ORIGIN_AMONG = 0.1, 0.25
 and it is among the best so many: most clouds that were fused from a few views stand in the frame
 of the first of them."""
 
+CONE, WITHIN = math.radians(55.0), 0.95
+"""Angle to the axis z within which so many of the points are, where the frame is a camera's: it
+looks along z, or against it (OpenGL). Fragments of 3DMatch, fused from fifty views in the frame
+of the first, have 95 in 100 within 28 to 48 degrees; in frames of any kind that is rare.
+"""
+
+CAMERA_FAVOURED = 0.25
+"""The same as the first of above for the origin of such a frame, however many places hide less:
+later views saw what is hidden from the first.
+"""
+
 STEPS = 3
 """Rounds of looking closer about the best place, each at half the distance."""
 
@@ -37,7 +50,7 @@ def assumed_viewpoint(surface: Surface, origin: Array) -> tuple[Array, float]:
     """Find the place (3,) from which the least of a surface is hidden, and the share that is.
 
     The ``origin`` (3,) of the frame that the cloud came in is taken where hardly more is hidden
-    from it.
+    from it, and where the frame is a camera's unless much more is.
     """
     rows = evenly(surface, POINTS)
     points = np.ascontiguousarray(surface.points[rows])
@@ -73,6 +86,16 @@ def assumed_viewpoint(surface: Surface, origin: Array) -> tuple[Array, float]:
         reach *= 0.5
     if np.linalg.norm(centre - origin) <= 2.0 * FAR * size:
         (here,) = hidden(origin[None])
-        if here <= min(least + ORIGIN_FAVOURED, among):
+        most = min(least + ORIGIN_FAVOURED, among)
+        if in_camera_frame(points - origin):
+            most = least + CAMERA_FAVOURED
+        if here <= most:
             return origin, float(here)
     return best, least
+
+
+def in_camera_frame(points: Array) -> bool:
+    """Tell whether points (N, 3) stand in a cone before a camera at the origin of their frame."""
+    cosine = points[:, 2] / np.maximum(np.linalg.norm(points, axis=1), 1e-300)
+    edge = math.cos(CONE)
+    return bool(max(np.mean(cosine > edge), np.mean(cosine < -edge)) >= WITHIN)

@@ -90,7 +90,9 @@ class PointCloud:
     def __post_init__(self) -> None:
         """Copy the points, mark what is unobserved with NaN, and freeze the arrays."""
         points, normals, attributes = parts_of(self.points)
-        points[~each(np.isfinite(points))] = np.nan
+        lost = ~each(np.isfinite(points))
+        if lost.any():
+            points[lost] = np.nan
         object.__setattr__(self, "points", points)
         if self.normals is None:
             object.__setattr__(self, "normals", normals)
@@ -108,7 +110,9 @@ class PointCloud:
             object.__setattr__(self, "viewpoint", viewpoint)
         if self.viewpoint is not None:
             # No sensor sees where it stands: so recorders write beams that did not return.
-            points[at_place(points, self.viewpoint)] = np.nan
+            here = at_place(points, self.viewpoint)
+            if here.any():
+                points[here] = np.nan
             self.viewpoint.flags.writeable = False
         mask, notes = nothing(points, self.viewpoint, depth=self.camera is not None)
         if mask is not None:
@@ -189,8 +193,10 @@ class PointCloud:
     @cached_property
     def observed_points(self) -> NDArray[np.float64]:
         """(M, 3): the observed points, in the order of the grid."""
-        points = self.points.reshape(-1, 3).take(np.flatnonzero(self.observed), axis=0)
-        points.flags.writeable = False
+        points = self.points.reshape(-1, 3)
+        if not self.observed.all():
+            points = points.take(np.flatnonzero(self.observed), axis=0)
+            points.flags.writeable = False
         return points
 
     def some(self, count: int = SAMPLE) -> NDArray[np.float64]:
@@ -209,18 +215,20 @@ class PointCloud:
         points: NDArray[np.float64],
         viewpoint: NDArray[np.float64] | None,
         attributes: Mapping[str, NDArray[Any]] | None = None,
+        camera: PinholeCamera | None = None,
+        normals: NDArray[np.float64] | None = None,
     ) -> PointCloud:
-        """Return a cloud of some or all of its points, moved or not, without its normals.
+        """Return a cloud of some or all of its points, moved or not; arrays are kept, not copied.
 
         What stands for nothing was left out before: every point that is given stays one, also
         at the viewpoint, which may be assumed.
         """
         cloud = object.__new__(PointCloud)
-        for array in (points, viewpoint):
+        for array in (points, viewpoint, normals):
             if array is not None:
                 array.flags.writeable = False
         values: dict[str, Any] = {"points": points, "viewpoint": viewpoint, "notes": self.notes}
-        values |= {"camera": None, "normals": None}
+        values |= {"camera": camera, "normals": normals}
         values["attributes"] = Attributes.of(attributes or {}, points.shape[:-1])
         for name, value in values.items():
             object.__setattr__(cloud, name, value)
@@ -231,13 +239,12 @@ class PointCloud:
         if step < 1:
             raise InputError(f"subsample: expected a step of 1 or more, got {step}")
         kept = (slice(None, None, step),) * len(self.shape)
-        return PointCloud(
-            self.points[kept],
-            None if self.camera is None else self.camera.subsampled(step),
+        return self.derived(
+            np.ascontiguousarray(self.points[kept]),
             self.viewpoint,
-            None if self.normals is None else self.normals[kept],
             {name: values[kept] for name, values in self.attributes.items()},
-            self.notes,
+            None if self.camera is None else self.camera.subsampled(step),
+            None if self.normals is None else np.ascontiguousarray(self.normals[kept]),
         )
 
     def __eq__(self, other: object) -> bool:

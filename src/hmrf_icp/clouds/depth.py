@@ -58,12 +58,11 @@ def in_metres(
         )
     if max_depth is not None and not max_depth > 0:
         raise InputError(f"max_depth: expected a positive number of metres, got {max_depth:g}")
-    with np.errstate(invalid="ignore"):
-        metres = raw.astype(np.float64)
-    unobserved = ~(np.isfinite(metres) & (metres > 0))
+    with np.errstate(invalid="ignore", over="ignore"):  # NaN that signals, or too large
+        metres = raw.astype(np.float64) / scale
+        unobserved = ~(np.isfinite(metres) & (metres > 0))
     if raw.dtype == np.uint16:
         unobserved |= raw == SATURATED
-    metres /= scale
     notes: tuple[str, ...] = ()
     if depth_scale is None:
         every = max(1, metres.size // SAMPLE)

@@ -22,8 +22,11 @@ PASSES = 12
 
 Array = NDArray[np.float64]
 
-SAMPLED = 8
+SAMPLED = 4
 """Points looked at for each that is to stay, to begin with, where there are many more."""
+
+SEEN = 0.85
+"""Share of the cells of a surface that so many points are seen to be in."""
 
 CLOSE = 0.9
 """Share of the points asked for that are enough."""
@@ -100,8 +103,7 @@ def _of_blocks(cloud: PointCloud, few: PointCloud, step: int) -> NDArray[np.intp
 def _one_a_cell(cloud: PointCloud, most: int) -> Downsampled:
     points = cloud.observed_points
     owner = np.empty(len(points), np.int32)
-    cells = Cells(points)
-    rows = cells.first(_edge(cells, points, most), owner=owner)
+    rows = _few_rows(Cells(points), points, most, owner)[0]
     held = cloud.attributes
     beside = held.at(cloud.observed, rows) if isinstance(held, Attributes) and held else None
     few = cloud.derived(points[rows], cloud.viewpoint, beside)
@@ -159,19 +161,26 @@ class Cells:
         return rows
 
 
-def _edge(cells: Cells, points: Array, most: int) -> float:
-    """Edge of the cells that leave about ``most`` of the points and no more, metres."""
+def _few_rows(
+    cells: Cells, points: Array, most: int, owner: NDArray[np.int32]
+) -> tuple[NDArray[np.int64], float]:
+    """Rows of about ``most`` points and no more, one a cell, and the edge of the cells, metres.
+
+    ``owner`` (M,) is written to as :meth:`Cells.first` has it.
+    """
     if len(points) > 2 * SAMPLED * most:
-        # Nearly every cell has one of the sample: what is wrong is a little too small.
+        # Some cells have none of the sample.
         sample = np.ascontiguousarray(points[:: len(points) // (SAMPLED * most)])
-        found = _edge(Cells(sample), sample, most)
+        fewer = math.ceil(SEEN * most)
+        _, found = _few_rows(Cells(sample), sample, fewer, np.empty(0, np.int32))
     else:
         found = cells.side / math.sqrt(most)
     low, high = 0.0, cells.side
     for _ in range(PASSES):
-        count = len(cells.first(found, 2 * most))
+        rows = cells.first(found, 2 * most, owner)
+        count = len(rows)
         if CLOSE * most <= count <= most:
-            return found
+            return rows, found
         low, high = (found, high) if count > most else (low, found)
         # Cells of a surface: as many as the square of the edge is small.
         found *= math.sqrt(count / (0.5 * (1.0 + CLOSE) * most))
@@ -184,4 +193,4 @@ def _edge(cells: Cells, points: Array, most: int) -> float:
             low = middle
         else:
             high = middle
-    return high
+    return cells.first(high, owner=owner), high

@@ -31,9 +31,10 @@ def moved(cloud: PointCloud, pose: ArrayLike) -> PointCloud:
     motion = se3.as_rigid(pose, "pose")
     if np.array_equal(motion, np.eye(4)):
         return cloud
+    turn = se3.rigid(motion[:3, :3], np.zeros(3))
     return PointCloud(
         se3.transform(motion, cloud.points),
         viewpoint=None if cloud.viewpoint is None else se3.transform(motion, cloud.viewpoint),
-        normals=None if cloud.normals is None else cloud.normals @ motion[:3, :3].T,
+        normals=None if cloud.normals is None else se3.transform(turn, cloud.normals),
         attributes=cloud.attributes,
     )

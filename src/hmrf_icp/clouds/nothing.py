@@ -89,13 +89,16 @@ def _farthest(depth: Array) -> tuple[Mask | None, bool]:
 
     And whether that is certain to stand for "too far".
     """
-    seen = depth[~np.isnan(depth)]
-    if len(seen) < 2 * FEWEST:
+    if depth.size < 2 * FEWEST:
         return None, False
-    far = seen.max()
+    far = np.fmax.reduce(depth, axis=None)
+    # Not many have it in most images: that is seen without gathering those that are known.
+    many = int(np.count_nonzero(depth == far))
+    if many < FEWEST:
+        return None, False
+    seen = depth[~np.isnan(depth)]
     others = seen[seen != far]
-    many = len(seen) - len(others)
-    if many < max(FEWEST, SHARE * len(seen)) or len(others) < FEWEST:
+    if many < SHARE * len(seen) or len(others) < FEWEST:
         return None, False
     some = others[:: max(1, len(others) // SAMPLE)]
     _, times = np.unique(some, return_counts=True)
@@ -125,7 +128,8 @@ def _places(points: Array) -> list[Array]:
     return found
 
 
-MIXED = np.array([1.0, np.sqrt(2.0), np.sqrt(3.0)])
+MIXED = np.array([1.0, np.sqrt(2.0), np.sqrt(3.0)]) / 8.0
+"""What a place is multiplied by to be one number, which no place is too far away for."""
 
 
 def at_place(points: Array, place: Array) -> Mask:

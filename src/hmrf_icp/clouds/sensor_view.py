@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Callable
 from dataclasses import dataclass
 from typing import Literal
 
@@ -70,7 +71,7 @@ def given_view(cloud: PointCloud) -> SensorView:
 
 
 @stage("viewpoint")
-def find_view(cloud: PointCloud, surface: Surface, origin: Array) -> Seen:
+def find_view(cloud: PointCloud, surface: Callable[[], Surface], origin: Array) -> Seen:
     """Find where a cloud was seen from that says nothing of it.
 
     The camera of an organised cloud is recovered exactly. Of other points the origin of their
@@ -81,7 +82,7 @@ def find_view(cloud: PointCloud, surface: Surface, origin: Array) -> Seen:
     cloud
         The points.
     surface
-        Of some of them.
+        Fits one to some of them, where a place must be assumed.
     origin
         (3,) of the frame that they were given in, metres.
     """
@@ -98,7 +99,7 @@ def find_view(cloud: PointCloud, surface: Surface, origin: Array) -> Seen:
         here = viewpoint_of(cloud.observed_points)
         if here.source == "origin":
             return Seen(SensorView("recovered", f"recovered: {here.text}"), here.place)
-    place, hidden = assumed_viewpoint(surface, origin)
+    place, hidden = assumed_viewpoint(surface(), origin)
     text = f"assumed: {_text(place)}, {hidden:.1%} hidden from there"
     return Seen(SensorView("assumed", text, np.array_equal(place, origin)), place)
 

@@ -39,6 +39,9 @@ FEW_PLANES = 0.1
 An image with few pixels left has neighbours farther away than its windows reach.
 """
 
+PAIRS = 20_000
+"""Pairs of neighbours on a grid that are enough to tell how far apart rows and columns are."""
+
 EXPLAINED = 2.0
 """Deviations of the noise that a fit may leave over before its surface is no plane."""
 
@@ -49,6 +52,9 @@ Corridors seen by a spinning LiDAR, whose rings turn from floor to wall within a
 known along themselves with 0.2 and more. Rooms, tables and streets keep three quarters of what is
 known of their weakest direction with anything from 0.05 to 0.2.
 """
+
+FITTED = 5000
+"""Points whose residuals are enough to fit the noise to."""
 
 NOISE_FLOOR = 1e-3
 """Smallest noise, as a share of the spacing of the points: exact clouds have none of their own."""
@@ -118,11 +124,29 @@ class Surface:
         return np.asarray(1.0 / (1.0 + turn / BENT**2))
 
     @cached_property
+    def shares(self) -> tuple[NDArray[np.intp], Array]:
+        """Rows (K,) of the points with normals, and the share of their area up to each, (K,)."""
+        x, y, z = self.normals.T
+        rows = np.flatnonzero((x != 0.0) | (y != 0.0) | (z != 0.0))
+        if len(rows) == 0:
+            return rows, np.empty(0)
+        # A few points that stand for far more than their share would be taken once only.
+        area = self.area[rows]
+        area = np.minimum(area, 20.0 * np.median(area))
+        return rows, np.cumsum(area) / area.sum()
+
+    @cached_property
     def size(self) -> float:
         """Root mean square distance of the points from their centre, each by its area, metres."""
-        weight = self.area / self.area.sum()
-        centre = weight @ self.points
-        return float(np.sqrt(weight @ ((self.points - centre) ** 2).sum(axis=1)))
+        offset = self.points - self.centre
+        square = np.einsum("i,ij,ij->", self.area, offset, offset) / self.area.sum()
+        return float(np.sqrt(square))
+
+    @cached_property
+    def centre(self) -> Array:
+        """(3,) mean of the points, each by its area, metres."""
+        # BLAS would start threads for it, which keep a core busy long after.
+        return np.asarray(np.einsum("i,ij->j", self.area, self.points) / self.area.sum())
 
 
 @stage("surface")
@@ -153,54 +177,64 @@ def surface(cloud: PointCloud, tree: Callable[[], Tree]) -> Surface:
     if not cloud.organised:
         return _unorganised(cloud, tree())
     found = _organised(cloud)
-    planes = np.count_nonzero((found.normals != 0.0).any(axis=1))
-    return found if planes > FEW_PLANES * len(cloud) else _unorganised(cloud, tree())
+    return found if len(found.shares[0]) > FEW_PLANES * len(cloud) else _unorganised(cloud, tree())
 
 
 def _organised(cloud: PointCloud) -> Surface:
     from hmrf_icp.kernels.surface import fit_window
 
     viewpoint = np.zeros(3) if cloud.viewpoint is None else cloud.viewpoint
-    reach = np.linalg.norm(cloud.points - viewpoint, axis=-1)
-    angle, stride = _grid(cloud.points - viewpoint, reach)
+    angle, stride = _grid(cloud.points, viewpoint)
     normals, residual, area, width = fit_window(cloud.points, viewpoint, angle, stride, WINDOW)
-    seen = cloud.observed
-    areas = _positive(area[seen])
+    seen = np.flatnonzero(cloud.observed)
+    residual = residual.take(seen)
+    points, areas = cloud.observed_points, _positive(area.take(seen))
     return Surface(
-        points=cloud.observed_points,
-        normals=normals[seen],
-        noise=_noise(reach[seen], residual[seen], np.sqrt(areas)),
+        points=points,
+        normals=normals.reshape(-1, 3).take(seen, axis=0),
+        noise=_noise(_length(points - viewpoint), residual, np.sqrt(areas)),
         area=areas,
         oriented=cloud.viewpoint is not None,
-        support=np.full(np.count_nonzero(seen), (2.0 * WINDOW + 1.0) ** 2),
-        residual=residual[seen],
-        width=width[seen],
+        support=np.full(len(seen), (2.0 * WINDOW + 1.0) ** 2),
+        residual=residual,
+        width=width.take(seen),
     )
 
 
-def _grid(points: Array, reach: Array) -> tuple[Array, NDArray[np.int64]]:
+def _grid(points: Array, viewpoint: Array) -> tuple[Array, NDArray[np.int64]]:
     """Angles between rows and between columns (2,), and how many of each a window steps (2,).
 
     The rings of a spinning LiDAR are farther apart than the points along them: a window of as many
     points each way would be a line. A camera's pixels are as far apart one way as the other.
     """
-    # A point at the viewpoint is at no angle.
-    reach = np.where(reach > 0.0, reach, np.nan)
-    rays = points / reach[..., None]
+    # Of the pairs of neighbours some that are spread over the grid tell as much as all.
+    pairs = [(points[:-1], points[1:]), (points[:, :-1], points[:, 1:])]
+    ends = [[_some(end.reshape(-1, 3)) - viewpoint for end in pair] for pair in pairs]
     stride = np.ones(2, dtype=np.int64)
-    between = [_median(np.linalg.norm(np.diff(rays, axis=axis), axis=-1)) for axis in (0, 1)]
+    between = [_median(_length(_unit(far) - _unit(near))) for near, far in ends]
     if min(between) > 0.0:
         stride = np.maximum(1, np.round(max(between) / np.array(between))).astype(np.int64)
     if stride.max() > 1:
         return np.array(between), stride
-    steps = [
-        np.linalg.norm(np.diff(points, axis=axis), axis=-1)
-        / (reach[1:] if axis == 0 else reach[:, 1:])
-        for axis in (0, 1)
-    ]
-    both = np.concatenate([step.ravel() for step in steps])
+    with np.errstate(invalid="ignore", divide="ignore"):
+        both = np.concatenate([_length(far - near) / _length(far) for near, far in ends])
     middle = _median(both[both > 0.0])  # neighbours that coincide are no step
     return np.array([middle, middle]) if middle > 0.0 else np.ones(2), stride
+
+
+def _some(rows: Array) -> Array:
+    return rows[:: 1 + len(rows) // PAIRS]
+
+
+def _length(vectors: Array) -> Array:
+    """Length (M,) of vectors (M, 3); ``norm`` along the rows takes three times as long."""
+    return np.asarray(np.sqrt(np.einsum("ij,ij->i", vectors, vectors)))
+
+
+def _unit(vectors: Array) -> Array:
+    """Make vectors (M, 3) of length 1; NaN for none: a point at the viewpoint is at no angle."""
+    length = _length(vectors)
+    return np.asarray(vectors / np.where(length > 0.0, length, np.nan)[:, None])
 
 
 def _median(values: Array) -> float:
@@ -266,19 +300,16 @@ def _spread_out(points: Array, tree: Tree) -> tuple[NDArray[np.int64], Tree]:
     None where another is nearer than :data:`THINNING` says, unless too few were left to fit a
     plane to; and never two at the same place, which are one place to a plane.
     """
-    rows = np.arange(len(points))
-    nearest, _ = tree.query(points, k=min(2, len(points)))
-    nearest = nearest.reshape(len(points), -1)[:, -1]
-    if not nearest.min() > 0.0:
-        rows = thinned(points, 0.0)
-        if len(rows) < len(points):
-            tree = Tree(points[rows])
-            nearest, _ = tree.query(points[rows], k=min(2, len(rows)))
-            nearest = nearest.reshape(len(rows), -1)[:, -1]
-    apart = thinned(points[rows], THINNING * float(np.median(nearest)))
+    rows = thinned(points, 0.0)
+    if len(rows) < len(points):
+        points, tree = points[rows], Tree(points[rows])
+    asked = points[:: 1 + len(points) // PAIRS]
+    nearest, _ = tree.query(np.ascontiguousarray(asked), k=min(2, len(points)))
+    usual = float(np.median(nearest.reshape(len(asked), -1)[:, -1]))
+    apart = thinned(points, THINNING * usual)
     if len(apart) < NEIGHBOURS:
         return rows, tree
-    return rows[apart], Tree(points[rows[apart]])
+    return rows[apart], Tree(points[apart])
 
 
 def _noise(reach: Array, residual: Array, spacing: Array) -> Array:
@@ -291,10 +322,12 @@ def _noise(reach: Array, residual: Array, spacing: Array) -> Array:
     good = np.isfinite(residual) & (reach > 0)
     if np.count_nonzero(good) < 64:
         return np.full(len(reach), floor)
-    order = np.argsort(reach[good], kind="stable")
-    groups = np.array_split(order, 8)
-    at = np.log([np.median(reach[good][group]) for group in groups])
-    left = np.log(np.maximum([np.median(residual[good][group]) for group in groups], floor))
+    rows = np.flatnonzero(good)
+    rows = rows[:: 1 + len(rows) // FITTED]
+    near, left_over = reach[rows], residual[rows]
+    groups = np.array_split(np.argsort(near, kind="stable"), 8)
+    at = np.log([np.median(near[group]) for group in groups])
+    left = np.log(np.maximum([np.median(left_over[group]) for group in groups], floor))
     spread = ((at - at.mean()) ** 2).sum()
     power = float((at - at.mean()) @ left / spread) if spread > 1e-12 else 0.0
     power = min(max(power, 0.0), 2.5)
@@ -308,10 +341,8 @@ def evenly(surface: Surface, count: int) -> NDArray[np.intp]:
     Every time the area summed along the cloud passes the middle of another share, the
     point is taken: no chance is involved, and near surfaces count no more than far ones.
     """
-    rows = np.flatnonzero((surface.normals != 0.0).any(axis=1))
+    rows, share = surface.shares
     if len(rows) <= count:
         return rows
-    # A few points that stand for far more than their share would be taken once only.
-    area = np.minimum(surface.area[rows], 20.0 * np.median(surface.area[rows]))
-    passed = np.floor(np.cumsum(area) * (count / area.sum()) + 0.5)
+    passed = np.floor(share * count + 0.5)
     return np.asarray(rows[np.diff(passed, prepend=0.0) > 0])

@@ -19,6 +19,7 @@ from typing import Literal
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
+from hmrf_icp.clouds.cloud import each
 from hmrf_icp.clouds.tree import Tree
 from hmrf_icp.errors import InputError
 
@@ -72,6 +73,8 @@ DIRECTIONS = np.array(
 DIRECTIONS /= np.linalg.norm(DIRECTIONS, axis=1)[:, None]
 """Ways to go from a place: to the faces and the corners of a cube."""
 
+CORNERS = DIRECTIONS[np.abs(DIRECTIONS).max(axis=1) < 0.9]
+
 
 @dataclass(frozen=True)
 class Evidence:
@@ -109,8 +112,8 @@ class Seeing:
 
         some = points
         if len(points) > POINTS:
-            rows = np.random.default_rng(0).choice(len(points), POINTS, replace=False)
-            some = points[rows]
+            draw = np.random.default_rng(0).choice
+            some = points[draw(len(points), POINTS, replace=False, shuffle=False)]
         self.points = np.ascontiguousarray(some, dtype=np.float64)
         count = min(NEIGHBOURS, len(self.points))
         distance, index = Tree(self.points).query(self.points, k=count)
@@ -130,7 +133,7 @@ class Seeing:
         self._flat = self.points[surface], self.normals[surface], np.log(area[surface])
         logs = self._flat[2]
         self._over_surface = max(1.4826 * float(np.median(np.abs(logs - np.median(logs)))), 1e-3)
-        self._drawings: dict[int, tuple[Array, NDArray[np.int64]]] = {}
+        self._drawings: dict[int, tuple[NDArray[np.float32], NDArray[np.int32]]] = {}
 
     @cached_property
     def few(self) -> tuple[Array, Array, Array]:
@@ -155,14 +158,14 @@ class Seeing:
         cells = min(512, 2 ** math.ceil(math.log2(max(8.0, 4.0 / angle))))
         if cells not in self._drawings:
             shape = (6, cells, cells)
-            self._drawings[cells] = np.empty(shape), np.zeros(shape, dtype=np.int64)
+            self._drawings[cells] = np.empty(shape, np.float32), np.zeros(shape, np.int32)
         count = count_hidden(points, normals, spacing, place, MARGIN, *self._drawings[cells])
         return float(count) / len(points)
 
     def evidence(self, place: Array) -> Evidence:
         """Say what speaks for a place."""
         hidden = self.hidden(place)
-        ways = place + BESIDE * self.size * DIRECTIONS
+        ways = place + BESIDE * self.size * CORNERS
         beside = np.array([self.hidden(way) for way in ways])
         return Evidence(hidden, float(beside.mean()), self.uneven(place))
 
@@ -285,10 +288,11 @@ def viewpoint_of(
     if given != "auto":
         raise InputError(f'viewpoint: expected "auto", None or three numbers, got {given!r}')
     rows = np.asarray(points, dtype=np.float64).reshape(-1, 3)
-    rows = rows[np.isfinite(rows).all(axis=1)]
-    if len(rows) < FEWEST or not np.ptp(rows, axis=0).any():
+    seen = each(np.isfinite(rows))
+    rows = rows if seen.all() else rows[seen]
+    seeing = Seeing(rows) if len(rows) >= FEWEST else None
+    if seeing is None or not np.ptp(seeing.points, axis=0).any():
         return Viewpoint(np.zeros(3), 0.0, "none")
-    seeing = Seeing(rows)
     origin = Viewpoint(np.zeros(3), 0.0, "none", seeing.evidence(np.zeros(3)))
     assert origin.evidence is not None
     origin = replace(origin, weight=origin.evidence.weight)

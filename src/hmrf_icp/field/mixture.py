@@ -15,7 +15,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from hmrf_icp.errors import InputError
-from hmrf_icp.field.residuals import Residual, names, residual
+from hmrf_icp.field.residuals import Residual, dot, names, residual
 
 Array = NDArray[np.float64]
 
@@ -144,15 +144,13 @@ def fit(
         mixture = Mixture(
             mixture.inlier.fit(y, weight * probability, smallest),
             mixture.outlier.fit(y, weight * (1.0 - probability), smallest),
-            min(max(float(weight @ probability) / total, SHARE_FLOOR), 1.0 - SHARE_FLOOR),
+            min(max(dot(weight, probability) / total, SHARE_FLOOR), 1.0 - SHARE_FLOOR),
         )
-        likelihood = float(weight @ mixture.log_density(y)) / total
+        likelihood = dot(weight, mixture.log_density(y)) / total
         if likelihood - before < SETTLED:
             break
         before = likelihood
-    return replace(
-        mixture, log_likelihood=float(weight @ mixture.log_density(y)), points=round(total)
-    )
+    return replace(mixture, log_likelihood=dot(weight, mixture.log_density(y)), points=round(total))
 
 
 def compare(

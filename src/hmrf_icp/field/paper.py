@@ -8,6 +8,7 @@ finds the expected labels and the parameters.
 
 from __future__ import annotations
 
+import math
 from dataclasses import dataclass
 from typing import Literal, NamedTuple
 
@@ -16,6 +17,7 @@ from numpy.typing import NDArray
 
 from hmrf_icp.clouds.prepared import PreparedCloud
 from hmrf_icp.errors import InputError
+from hmrf_icp.field.residuals import dot
 from hmrf_icp.frozen import FrozenDict
 from hmrf_icp.loop.match import Matches
 from hmrf_icp.loop.reject import Labels, Reject
@@ -130,8 +132,8 @@ def m_step(y: Array, z: Array) -> Theta:
         total = weight.sum()
         if total <= 0.0:
             weight, total = np.ones_like(y), float(y.size)
-        mu = weight @ y / total
-        theta += [float(mu), float(np.sqrt(weight @ (y - mu) ** 2 / total))]
+        mu = dot(weight, y) / total
+        theta += [mu, math.sqrt(dot(weight, (y - mu) ** 2) / total)]
     return Theta(*theta)
 
 

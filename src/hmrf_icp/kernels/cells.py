@@ -62,11 +62,19 @@ def first_of_each(points: Any, corner: Any, edge: float, most: int, owner: Any) 
     used = np.full(size, -1, np.int32)
     rows = np.empty(32, np.int64)
     count = 0
+    at = np.int64(0)
+    there = False
     for i in range(points.shape[0]):
         a = np.int64((points[i, 0] - corner[0]) / edge)
         b = np.int64((points[i, 1] - corner[1]) / edge)
         c = np.int64((points[i, 2] - corner[2]) / edge)
+        # Points come along lines of a scan: most are in the cell of the one before.
+        if there and keys[at, 0] == a and keys[at, 1] == b and keys[at, 2] == c:
+            if owner.size > 0:
+                owner[i] = used[at]
+            continue
         at = slot(keys, used, a, b, c)
+        there = True
         if used[at] < 0:
             keys[at, 0], keys[at, 1], keys[at, 2] = a, b, c
             used[at] = count

@@ -13,6 +13,8 @@ from hmrf_icp.clouds.prepared import PreparedCloud
 from hmrf_icp.errors import InputError
 from hmrf_icp.loop.placed import Placed
 
+Array = NDArray[np.float64]
+
 
 @dataclass(frozen=True, eq=False)
 class Matches:
@@ -131,10 +133,67 @@ class NearestNeighbour:
 
     def prepare(self, source: PreparedCloud, target: PreparedCloud) -> Match:
         """Build the tree of the target's observed points."""
-        tree, tolerance = target.tree, self.tolerance
+        if self.tolerance > 0.0:
+            return KeptMatches(target, self.tolerance)
+        tree = target.tree
 
         def match(source: Placed) -> Matches:
-            distance, index = tree.query(source.points, eps=tolerance)
+            distance, index = tree.query(source.points)
             return Matches(index, distance)
 
         return match
+
+
+class KeptMatches:
+    """Match points with almost the closest of a target, and keep what the next iteration may.
+
+    A point that was at least b away from all of the target, and moves by m, is at least b - m
+    away from it afterwards. Its match is kept for as long as that shows it to be within the
+    tolerance, as neighbours are by Greenspan and Godin ("A nearest neighbor method for
+    efficient ICP", 2001). Towards the end hardly a point has to look for another.
+
+    Parameters
+    ----------
+    target
+        The target.
+    tolerance
+        Above 0. Half of it is given to the search tree, the other half to motion.
+    """
+
+    def __init__(self, target: PreparedCloud, tolerance: float) -> None:
+        self._tree, self._onto = target.tree, target.points
+        self._tolerance = tolerance
+        self._before: Array | None = None
+        self._bound: Array = np.empty(0)
+        self._row: NDArray[np.intp] = np.empty(0, np.intp)
+
+    def __call__(self, source: Placed) -> Matches:
+        """Match the source where it is now."""
+        from hmrf_icp.kernels.compiled import read_only
+        from hmrf_icp.kernels.kept import keep
+
+        points = np.ascontiguousarray(source.points)
+        if self._before is None or self._before.shape != points.shape:
+            distance, self._row, self._bound = self._asked(points)
+        else:
+            distance, row = np.empty(len(points)), self._row.copy()
+            moved = keep(
+                points,
+                self._before,
+                read_only(self._onto),
+                row,
+                self._bound,
+                1.0 + self._tolerance,
+                distance,
+            )
+            if len(moved):
+                distance[moved], row[moved], self._bound[moved] = self._asked(points[moved])
+            self._row = row
+        self._before = points
+        return Matches(self._row, distance)
+
+    def _asked(self, points: Array) -> tuple[Array, NDArray[np.intp], Array]:
+        """Distances, rows, and what no point of the target is closer than."""
+        half = 0.5 * self._tolerance
+        distance, row = self._tree.query(points, eps=half)
+        return distance, row, distance / (1.0 + half)

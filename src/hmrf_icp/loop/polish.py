@@ -28,6 +28,7 @@ from hmrf_icp.loop.surface_metrics import LEAST_NOISE, SurfaceMetric
 from hmrf_icp.stages import stage
 
 Array = NDArray[np.float64]
+Rows = NDArray[np.intp]
 
 STEPS = 2
 """The second is a tenth of the first and less, and a third changes nothing."""
@@ -76,7 +77,7 @@ def polish(
     align, most = metric.prepare(source, target), len(loop.last.degenerate)
     placed = Placed.at(loop.transformation, source.points)
     chance, history, last = loop.labels.probability, list(loop.history), loop.last
-    near = Near.of(placed, target, chance)
+    near = Near.of(placed, target, chance, loop.matches.index)
     for _ in range(STEPS):
         matches, share = agreeing(placed, source, target, chance, near)
         weighed = Labels(2.0 * chance * share - 1.0)
@@ -106,20 +107,36 @@ def polish(
 class Near(NamedTuple):
     """The source points that are asked about, and the rows of the target points near them.
 
-    They are looked for once: the steps are far shorter than the target's spacing.
+    They are looked for once: the steps are far shorter than the target's spacing. In an image
+    they are the pixels round the match.
     """
 
-    some: NDArray[np.intp]
-    rows: NDArray[np.intp]
+    some: Rows
+    rows: Rows
 
     @classmethod
-    def of(cls, placed: Placed, target: PreparedCloud, chance: Array) -> Near:
-        """Look for the nearest of the points that are not certain to be outliers."""
+    def of(cls, placed: Placed, target: PreparedCloud, chance: Array, row: Rows) -> Near:
+        """Look round the matches ``row`` of the points that are not certain to be outliers."""
         some = np.flatnonzero(chance > HARDLY)
+        if target.cloud.organised:
+            return cls(some, around(target.cloud.observed, row[some]))
         points = np.ascontiguousarray(placed.points[some])
         most = min(NEAR, len(target))
         _, rows = target.tree.query(points, k=most)
         return cls(some, rows.reshape(len(some), most))
+
+
+def around(observed: NDArray[np.bool_], row: Rows) -> Rows:
+    """Rows (K, 5) of a pixel and of the four beside it, of itself where one is not observed."""
+    height, width = observed.shape
+    places = np.full((height + 2, width + 2), -1, dtype=np.intp)
+    pixels = np.flatnonzero(observed)
+    places[1:-1, 1:-1].flat[pixels] = np.arange(len(pixels))
+    line, column = np.divmod(pixels[row], width)
+    wide = places.shape[1]
+    steps = np.array([0, -wide, wide, -1, 1])
+    found = places.ravel()[((line + 1) * wide + column + 1)[:, None] + steps]
+    return np.where(found < 0, row[:, None], found)
 
 
 def agreeing(

@@ -388,9 +388,10 @@ class Pairing:
 def extent(points: Array, weight: Array) -> tuple[Array, float]:
     """Weighted mean of points (M, 3), and their root mean square distance from it, metres."""
     total = weight.sum()
-    centre = weight @ points / total
+    # BLAS would start threads for it, which keep a core busy long after.
+    centre = np.einsum("i,ij->j", weight, points) / total
     offset = points - centre
-    square = weight @ np.einsum("ij,ij->i", offset, offset) / total
+    square = np.einsum("i,ij,ij->", weight, offset, offset) / total
     return np.asarray(centre), float(np.sqrt(square))
 
 

@@ -20,7 +20,6 @@ from numpy.typing import NDArray
 
 from hmrf_icp import se3, threads
 from hmrf_icp.clouds.prepared import PreparedCloud
-from hmrf_icp.clouds.surface import Surface
 from hmrf_icp.loop.degeneracy import NOISE_ALONE
 from hmrf_icp.loop.icp import Iteration, Loop, LoopResult, Method
 from hmrf_icp.loop.polish import polish
@@ -131,7 +130,7 @@ class Search:
         self._on_iteration = on_iteration
 
         size = self._target.surface.size
-        middle = se3.transform(init, centre(self._source.surface))
+        middle = se3.transform(init, self._source.surface.centre)
         fall = FALL if near else FALL_ANYWHERE
         self._prior = StartPrior(init, middle, size, fall)
         self._turns = turned(init, middle, plan.turn, plan.turn_step)
@@ -363,8 +362,3 @@ def after(before: LoopResult, loop: LoopResult) -> LoopResult:
         em_iterations=before.em_iterations + loop.em_iterations,
         history=(*before.history, *loop.history),
     )
-
-
-def centre(surface: Surface) -> Array:
-    """Centre (3,) of a surface, each point by its area."""
-    return np.asarray(surface.area @ surface.points / surface.area.sum())
