@@ -206,6 +206,20 @@ def test_nearest_neighbours_with_tolerance_are_almost_the_nearest(tolerance):
     assert (loose.distance > exact.distance).any()
 
 
+def test_matches_that_are_kept_stay_within_the_tolerance():
+    """Steps as of a registration, large at first, small, and large again."""
+    rng = np.random.default_rng(0)
+    target, points = rng.uniform(size=(2, 800, 3))
+    source, target = both(PointCloud(points), PointCloud(target))
+    loose = NearestNeighbour(tolerance=0.3).prepare(source, target)
+    exact = NearestNeighbour().prepare(source, target)
+    pose = np.eye(4)
+    for step in (0.1, 0.03, 0.01, 0.003, 0.001, 0.05):
+        pose = se3.exp(step * rng.standard_normal(6)) @ pose
+        placed = Placed.at(pose, points)
+        assert (loose(placed).distance <= 1.3 * exact(placed).distance + 1e-12).all()
+
+
 @pytest.mark.parametrize("tolerance", [-0.1, np.nan, np.inf])
 def test_tolerance_is_a_share(tolerance):
     with pytest.raises(hmrf_icp.InputError, match="tolerance"):
