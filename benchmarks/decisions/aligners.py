@@ -189,6 +189,14 @@ DECISIONS = (
         ("test_polish.py",),
     ),
     Decision(
+        "the closest pixel of noisy ones, not the one across",
+        "the last steps take the pixel straight across, of the match and those beside it",
+        "loop/polish.py",
+        "    steps = np.array([0, -wide, wide, -1, 1])\n",
+        "    steps = np.array([0, 0, 0, 0, 0])\n",
+        ("test_polish.py",),
+    ),
+    Decision(
         "far matches weigh as much in the last steps",
         "a match counts less the farther off it is",
         "loop/polish.py",
