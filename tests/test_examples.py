@@ -5,6 +5,7 @@ from __future__ import annotations
 import doctest
 import importlib
 import importlib.util
+import inspect
 import pkgutil
 import runpy
 from pathlib import Path
@@ -30,6 +31,13 @@ def test_the_examples_of_a_module_hold(name):
 def test_the_front_of_the_package_is_its_interface_and_nothing_else():
     assert set(dir(hmrf_icp)) == {*hmrf_icp.__all__, "__version__"}
     assert all(getattr(hmrf_icp, name).__doc__ for name in hmrf_icp.__all__)
+
+
+@pytest.mark.parametrize("name", sorted(set(hmrf_icp.__all__) - {"presets"}))
+def test_what_the_front_shows_has_an_example(name):
+    shown = getattr(hmrf_icp, name)
+    raised = isinstance(shown, type) and issubclass(shown, (Exception, Warning))
+    assert raised or "\n>>> " in inspect.cleandoc(shown.__doc__)
 
 
 EXAMPLES = Path(__file__).resolve().parents[1] / "examples"

@@ -2,7 +2,10 @@
 
 from __future__ import annotations
 
+import ctypes
 import signal
+import sys
+from concurrent.futures import ThreadPoolExecutor
 
 import numpy as np
 import pytest
@@ -43,6 +46,60 @@ def test_another_system_error_stays_one():
 
     with pytest.raises(SystemError, match="another kind"):
         hmrf_icp.register(*synthetic.pair(), on_iteration=broken)
+
+
+def swallowed(monkeypatch):
+    """Ctrl-C within a callback from C, as when Numba loads a kernel: Python only prints it."""
+    printed = []
+    monkeypatch.setattr(sys, "unraisablehook", printed.append)
+
+    @ctypes.CFUNCTYPE(None)
+    def callback():
+        signal.raise_signal(signal.SIGINT)
+        for _ in range(1000):
+            pass
+
+    return callback, printed
+
+
+def test_an_interrupt_that_a_callback_swallows_is_one_in_the_end(monkeypatch):
+    callback, printed = swallowed(monkeypatch)
+    before = signal.getsignal(signal.SIGINT)
+    with pytest.raises(KeyboardInterrupt):
+        hmrf_icp.register(*synthetic.pair(), on_iteration=lambda _: callback())
+    assert printed[0].exc_type is KeyboardInterrupt
+    assert signal.getsignal(signal.SIGINT) is before
+
+
+def test_an_interrupt_before_an_error_comes_first(monkeypatch):
+    callback, _ = swallowed(monkeypatch)
+
+    def broken(_):
+        callback()
+        raise ValueError("what is left of an interrupted import")
+
+    with pytest.raises(KeyboardInterrupt) as raised:
+        hmrf_icp.register(*synthetic.pair(), on_iteration=broken)
+    assert isinstance(raised.value.__cause__, ValueError)
+
+
+def test_whoever_deals_with_the_signal_himself_gets_his_result(monkeypatch):
+    callback, printed = swallowed(monkeypatch)
+    heard = []
+    before = signal.signal(signal.SIGINT, lambda *_: heard.append(1))
+    try:
+        result = hmrf_icp.register(*synthetic.pair(), on_iteration=lambda _: callback())
+    finally:
+        signal.signal(signal.SIGINT, before)
+    assert result.iterations > 0
+    assert heard
+    assert not printed
+
+
+def test_another_thread_registers_as_well():
+    with ThreadPoolExecutor(1) as pool:
+        result = pool.submit(hmrf_icp.register, *synthetic.pair()).result()
+    assert result == hmrf_icp.register(*synthetic.pair())
 
 
 def test_the_command_line_says_that_it_was_interrupted(tmp_path, monkeypatch):

@@ -18,6 +18,7 @@ from hmrf_icp.loop.match import Matches, NearestNeighbour
 from hmrf_icp.loop.placed import Placed
 from hmrf_icp.loop.reject import Labels
 from hmrf_icp.loop.surface_metrics import (
+    Frame,
     Pairing,
     PlaneToPlane,
     PointToPlane,
@@ -276,6 +277,40 @@ def test_soft_weights_count_by_probability_and_hard_ones_by_sign():
         PointToPlane(weights="maybe")
     with pytest.raises(InputError, match="flatness"):
         PlaneToPlane(flatness=0.0)
+
+
+@pytest.mark.parametrize("metric", METRICS)
+def test_normals_without_a_sign_may_point_either_way(metric):
+    rng = np.random.default_rng(10)
+    target = bumpy(rng)
+    normals = target.normals * rng.choice([-1.0, 1.0], (300, 1))
+    motion = some_motion(rng, 0.05)
+    alike, shuffled = (
+        moved_surface(motion, surface(target.points, facing, oriented=False))
+        for facing in (target.normals, normals)
+    )
+    align = [metric().between(source, target) for source in (alike, shuffled)]
+    one, other = (
+        to(here(source), matches_of(300), Labels(np.ones(300)))
+        for to, source in zip(align, (alike, shuffled), strict=True)
+    )
+    np.testing.assert_allclose(other.motion, one.motion, atol=1e-10)
+    np.testing.assert_allclose(other.information, one.information, rtol=1e-8, atol=1e-3)
+    assert other.weakest == pytest.approx(one.weakest)
+
+
+def test_wrong_matches_are_no_noise_that_frees_a_motion():
+    rng = np.random.default_rng(0)
+    target = bumpy(rng)
+    unit = np.ones(6)
+
+    def weakest(wrong):
+        row = np.arange(300)
+        row[:wrong] = rng.integers(0, 300, wrong)
+        m = Pairing(target, target).matched(here(target), row, np.ones(300))
+        return PointToPlane().told(m, Frame(*extent(m.points, m.weight), unit)).weakest
+
+    assert weakest(150) > 0.5 * weakest(0)
 
 
 def test_near_points_count_for_more_than_far_ones():

@@ -163,6 +163,13 @@ def test_dynamic_takes_the_valley_where_the_registration_is_bad():
     assert 2.0 < threshold < 8.5
 
 
+def test_a_gap_before_the_highest_peak_is_no_valley():
+    # Bins a metre wide: a few good matches, a gap, most of them, and a valley at 6.5 m.
+    count = [3, 0, 5, 20, 6, 1, 0, 4, 2, 2]
+    distance = np.concatenate([np.repeat(np.arange(10) + 0.5, count), [0.0, 10.0]])
+    assert first_valley(distance) == pytest.approx(6.5)
+
+
 def test_a_histogram_without_a_valley_keeps_everything():
     assert first_valley(np.full(20, 3.0)) >= 3.0
     falling = np.repeat(np.arange(10.0), np.arange(20, 0, -2))
@@ -199,6 +206,20 @@ def test_nearest_neighbours_with_tolerance_are_almost_the_nearest(tolerance):
     np.testing.assert_allclose(loose.distance, apart, atol=1e-15)
     assert (loose.distance <= (1 + tolerance) * exact.distance).all()
     assert (loose.distance > exact.distance).any()
+
+
+def test_matches_that_are_kept_stay_within_the_tolerance():
+    """Steps as of a registration, large at first, small, and large again."""
+    rng = np.random.default_rng(0)
+    target, points = rng.uniform(size=(2, 800, 3))
+    source, target = both(PointCloud(points), PointCloud(target))
+    loose = NearestNeighbour(tolerance=0.3).prepare(source, target)
+    exact = NearestNeighbour().prepare(source, target)
+    pose = np.eye(4)
+    for step in (0.1, 0.03, 0.01, 0.003, 0.001, 0.05):
+        pose = se3.exp(step * rng.standard_normal(6)) @ pose
+        placed = Placed.at(pose, points)
+        assert (loose(placed).distance <= 1.3 * exact(placed).distance + 1e-12).all()
 
 
 @pytest.mark.parametrize("tolerance", [-0.1, np.nan, np.inf])

@@ -38,8 +38,13 @@ def told(source, target, pose):
     return placed, matches, share
 
 
-def test_the_match_is_the_point_across_and_not_the_one_whose_noise_leads_to_the_source(walls):
+@pytest.mark.parametrize("organised", [True, False])
+def test_the_match_is_the_point_across_and_not_the_one_whose_noise_leads_to_the_source(
+    walls, organised
+):
     source, target = walls
+    if not organised:
+        target = PreparedCloud(PointCloud(target.points, viewpoint=np.zeros(3)))
     placed, matches, _ = told(source, target, se3.rigid(np.eye(3), [0.007, 0.011, 0.02]))
     closest = target.tree.query(placed.points)[1]
     aside = [

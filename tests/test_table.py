@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import numpy as np
+import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 from scipy.spatial import cKDTree
@@ -33,6 +34,16 @@ def test_every_cell_of_a_table_knows_a_point_about_as_close_as_the_closest(
     # A point is anywhere in the closest cell that has one: two half diagonals at the most.
     assert (handed - closest).max() <= np.sqrt(3.0) * edge
     assert np.median(handed - closest) <= 0.5 * edge
+
+
+@pytest.mark.parametrize(("places", "closest"), [((0.05, 2.05), 1), ((0.95, 2.95), 0)])
+def test_of_two_cells_as_near_the_one_whose_point_is_nearer_is_taken(
+    places: tuple[float, float], closest: int
+) -> None:
+    """Three cells in a row, and a point at the same side of the first and of the last."""
+    points = np.array([[place, 0.5, 0.5] for place in places])
+    cell = table.build(points, np.zeros(3), 1.0, (3, 1, 1))
+    assert cell[1, 0, 0] == closest
 
 
 def test_a_question_outside_the_table_has_no_answer() -> None:

@@ -114,7 +114,7 @@ DECISIONS = (
         "kernels/geometry.py",
         "        if square > BEYOND * apart[i]:\n",
         "        if False:\n",
-        FREE,
+        ("test_metrics.py::test_wrong_matches_are_no_noise_that_frees_a_motion",),
     ),
     Decision(
         "edges and bends count as known",
@@ -186,6 +186,14 @@ DECISIONS = (
         "loop/polish.py",
         "NEAR = 5\n",
         "NEAR = 1\n",
+        ("test_polish.py",),
+    ),
+    Decision(
+        "the closest pixel of noisy ones, not the one across",
+        "the last steps take the pixel straight across, of the match and those beside it",
+        "loop/polish.py",
+        "    steps = np.array([0, -wide, wide, -1, 1])\n",
+        "    steps = np.array([0, 0, 0, 0, 0])\n",
         ("test_polish.py",),
     ),
     Decision(

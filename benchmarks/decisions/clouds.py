@@ -133,6 +133,14 @@ DECISIONS = (
         OVERLAP,
     ),
     Decision(
+        "a point of a dense part stands for as much as one of a sparse part",
+        "thinned points stand for as many as there were about each of them",
+        "clouds/surface.py",
+        "    held = stood[index].sum(axis=1)\n",
+        "    held = np.full(len(points), stood.mean() * counts[0])\n",
+        SURFACE,
+    ),
+    Decision(
         "noise is no excuse for overlap",
         "points overlap within the noise of both clouds",
         "clouds/overlap.py",
@@ -273,7 +281,7 @@ DECISIONS = (
         "a cloud without a grid is thinned to one point a cell",
         "clouds/downsample.py",
         "    rows = _few_rows(Cells(points), points, most, owner)[0]\n",
-        "    rows = Cells(points).first(0.0, owner=owner)\n",
+        "    rows = np.arange(most)\n    owner[:] = np.arange(len(points)) % most\n",
         ("test_downsample.py",),
     ),
     Decision(

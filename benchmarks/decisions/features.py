@@ -168,7 +168,7 @@ DECISIONS = (
         "    cosine = at @ means.T\n    if not signed:\n        cosine = np.abs(cosine)\n",
         "    cosine = at @ means.T\n",
         (
-            "search/test_orientations.py::test_a_surface_turned_over_is_alike_where_sides_are_not_known_and_only_there",
+            "search/test_orientations.py::test_a_wall_without_a_side_faces_both_ways_however_sharply",
         ),
     ),
     Decision(
@@ -249,7 +249,7 @@ DECISIONS = (
         "np.where(majority[part] < 0.0, 1.0, 1.0)[:, None] * signed",
         (
             "search/test_features.py::test_parts_that_are_apart_both_face_the_middle",
-            "search/test_hypotheses.py::test_signs_on_a_sphere_all_face_its_middle",
+            "search/test_features.py::test_most_of_a_part_faces_the_middle_whatever_its_farthest_corner_does",
         ),
     ),
     Decision(
@@ -274,7 +274,9 @@ DECISIONS = (
         "search/consistent_groups.py",
         "TURN = 0.3\n",
         "TURN = 3.0\n",
-        ("search/test_features.py::test_places_that_fit_make_no_group_where_their_normals_do_not",),
+        (
+            "search/test_hypotheses.py::test_the_match_that_most_speaks_for_is_right_where_distances_alone_would_not_tell",
+        ),
     ),
     Decision(
         "places side by side make a group",
@@ -291,8 +293,7 @@ DECISIONS = (
         "(left * left <= np.float32(4.0) * p * q) & (p >= least) & (q >= least)",
         "(p >= least) & (q >= least)",
         (
-            "search/test_hypotheses.py::test_right_matches_are_compatible_unless_they_are_close",
-            "search/test_hypotheses.py::test_a_group_of_twelve_is_found_among_a_thousand_wrong_matches",
+            "search/test_features.py::test_places_of_a_plan_of_another_scale_do_not_fit_though_all_normals_do",
         ),
     ),
     Decision(

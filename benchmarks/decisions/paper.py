@@ -297,4 +297,12 @@ DECISIONS = (
         'SHARE_FLOOR = 1e-12\n"""Least share',
         ("test_one_kind_alone.py", "test_mixture.py"),
     ),
+    Decision(
+        "a kept match stays however far its point has moved",
+        "a match is kept for as long as the motion shows it to be within the tolerance",
+        "kernels/kept.py",
+        "        bound[i] -= math.sqrt(a * a + b * b + c * c)\n",
+        "",
+        ("test_parts.py::test_matches_that_are_kept_stay_within_the_tolerance",),
+    ),
 )

@@ -2,8 +2,11 @@
 
 from __future__ import annotations
 
+import signal
+import threading
 from collections.abc import Iterator
 from contextlib import contextmanager
+from typing import Any
 
 
 class HmrfIcpError(Exception):
@@ -41,3 +44,40 @@ def interruptible() -> Iterator[None]:
         if isinstance(cause, KeyboardInterrupt):
             raise KeyboardInterrupt from None
         raise
+
+
+@contextmanager
+def no_interrupt_lost() -> Iterator[None]:
+    """Raise KeyboardInterrupt at the end where one was raised on the way and never arrived.
+
+    Ctrl-C that falls into a callback of the compiler, while it loads a kernel, is printed by
+    Python and forgotten. Whoever handles the signal still does: a handler that raises nothing is
+    taken to have dealt with it. Outside of the main thread there is nothing to do.
+    """
+    before = signal.getsignal(signal.SIGINT)
+    if threading.current_thread() is not threading.main_thread() or not callable(before):
+        yield
+        return
+    arrived = False
+
+    def heard(number: int, frame: Any) -> None:
+        nonlocal arrived
+        try:
+            before(number, frame)
+        except KeyboardInterrupt:
+            arrived = True
+            raise
+
+    signal.signal(signal.SIGINT, heard)
+    try:
+        yield
+    except Exception as error:
+        if arrived:
+            raise KeyboardInterrupt from error
+        raise
+    finally:
+        # Unless somebody who was called on the way has set another.
+        if signal.getsignal(signal.SIGINT) is heard:
+            signal.signal(signal.SIGINT, before)
+    if arrived:
+        raise KeyboardInterrupt

@@ -16,7 +16,12 @@ from hmrf_icp import presets, se3, threads
 from hmrf_icp.clouds.cloud import LARGEST_COORDINATE, PointCloudLike
 from hmrf_icp.clouds.prepared import PreparedCloud, prepare
 from hmrf_icp.clouds.sensor_view import SensorView
-from hmrf_icp.errors import InputError, RegistrationWarning, interruptible
+from hmrf_icp.errors import (
+    InputError,
+    RegistrationWarning,
+    interruptible,
+    no_interrupt_lost,
+)
 from hmrf_icp.loop.align import Aligner
 from hmrf_icp.loop.correspondences import Correspondences
 from hmrf_icp.loop.criteria import StoppingRule
@@ -128,7 +133,7 @@ def register(
     True
     """
     watch = Stopwatch() if profile else None
-    with threads.using(num_threads), interruptible(), timed_by(watch):
+    with no_interrupt_lost(), threads.using(num_threads), interruptible(), timed_by(watch):
         result = _register(
             source,
             target,

@@ -41,12 +41,16 @@ def test_the_frame_of_the_first_view_is_where_it_stood():
     assert view.kind == "assumed"
     assert view.at_origin
     assert not prepare(fused(0, 8, FAR)).viewed.seen_from.at_origin
+    # A robot's frame, x ahead and z up, is no camera's, and its origin is where it stood.
+    ahead = fused(0, 8)[:, [2, 0, 1]] * [1.0, -1.0, -1.0]
+    assert not in_camera_frame(ahead)
+    assert prepare(ahead).viewed.seen_from.at_origin
 
 
 def test_the_origin_of_a_cameras_frame_is_where_the_first_view_was_whatever_later_ones_saw():
-    # Seven views all round: from many places less is hidden than from the first.
-    views = [(k, se3.transform(truth(k, 0), frame(k).observed_points)) for k in range(0, 28, 4)]
-    points = np.concatenate([some for _, some in views])[::4]
+    # Eleven views all round: from many places less is hidden than from the first.
+    views = [se3.transform(truth(k, 0), frame(k).observed_points) for k in range(0, 44, 4)]
+    points = np.concatenate(views)[::6]
     assert in_camera_frame(points)
     assert prepare(points).viewed.seen_from.at_origin
     # OpenGL's cameras look against z; and a frame in which nothing stands before it is none.

@@ -70,3 +70,10 @@ def test_a_thing_with_edges_overlaps_itself_seen_again():
 def test_noise_wider_than_the_spacing_is_no_lack_of_overlap():
     one, other = (prepared(lattice(-0.5, 0.5, 0.01), noise=0.02, seed=k) for k in (0, 1))
     assert overlap(one, other, np.eye(4)) > 0.9
+
+
+def test_a_pose_that_is_off_within_the_noise_is_no_lack_of_overlap():
+    """Two deviations: what a sensor that reads a little long makes of the same wall."""
+    one, other = (prepared(lattice(-1.0, 1.0, 0.02), noise=0.02, seed=k) for k in (0, 1))
+    assert overlap(one, other, shift(z=0.04)) > 0.97
+    assert overlap(one, other, shift(z=0.4)) < 0.01

@@ -7,7 +7,7 @@ import pytest
 from numpy.typing import NDArray
 
 from hmrf_icp import PinholeCamera, se3
-from hmrf_icp.clouds.recovered_camera import recovered_camera
+from hmrf_icp.clouds.recovered_camera import FITS, recovered_camera
 from hmrf_icp.kernels.range_image import project
 from hmrf_icp.synthetic import render, scenes
 
@@ -106,10 +106,21 @@ def test_a_grid_in_another_order_is_put_right(points: NDArray[np.float64], way: 
 
 def test_a_few_spoilt_points_do_not_spoil_the_camera(points: NDArray[np.float64]) -> None:
     rng = np.random.default_rng(0)
-    spoilt = np.where(rng.random((*points.shape[:2], 1)) < 0.03, rng.normal(size=3), points)
+    elsewhere = points + np.abs(rng.normal(size=points.shape))  # and still before the camera
+    spoilt = np.where(rng.random((*points.shape[:2], 1)) < 0.03, elsewhere, points)
     found = recovered_camera(spoilt)
     assert found is not None
     assert found.camera.fx == pytest.approx(CAMERA.fx, rel=1e-6)
+
+
+def test_coordinates_that_were_rounded_have_a_camera_as_far_as_rounding_allows(
+    points: NDArray[np.float64],
+) -> None:
+    """To a centimetre a metre off, a third of a pixel: more than exact ones may be off."""
+    found = recovered_camera(np.round(points, 2))
+    assert found is not None
+    assert found.residual > FITS
+    assert found.camera.fx == pytest.approx(CAMERA.fx, rel=0.01)
 
 
 def test_what_no_pinhole_saw_has_no_camera(points: NDArray[np.float64]) -> None:

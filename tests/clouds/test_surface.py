@@ -59,6 +59,20 @@ def test_a_wall_that_recedes_has_the_area_that_it_has():
     assert area[middle].sum() == pytest.approx(1.0, rel=0.1)
 
 
+def test_points_of_a_dense_part_stand_for_less_than_those_of_a_sparse_one():
+    """One square metre with a point every 2 cm, and sixteen with one every 20, shuffled."""
+    rng = np.random.default_rng(0)
+    fine, coarse = (
+        np.column_stack([rng.uniform(at, at + side, (count, 2)), np.zeros(count)])
+        for at, side, count in ((0.0, 1.0, 2500), (2.0, 4.0, 400))
+    )
+    points = rng.permutation(np.concatenate([fine, coarse]))
+    area = PreparedCloud(PointCloud(points)).surface.area
+    dense = points[:, 0] < 1.5
+    assert area[dense].sum() == pytest.approx(1.0, rel=0.2)
+    assert area[~dense].sum() == pytest.approx(16.0, rel=0.2)
+
+
 @pytest.mark.parametrize("organised", [True, False])
 def test_the_rings_of_a_scanner_are_walls_and_floor(organised):
     scan, _ = spinning.scan(spinning.corridor, 0, 24, 2e-3, organised=organised, azimuths=600)

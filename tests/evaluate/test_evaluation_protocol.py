@@ -7,7 +7,8 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from hmrf_icp import se3
+import spinning
+from hmrf_icp import prepare, se3
 from hmrf_icp.clouds.cloud import PointCloud
 from hmrf_icp.errors import InputError
 from hmrf_icp.evaluate.angles import parse_angle, parse_start
@@ -21,6 +22,7 @@ from hmrf_icp.evaluate.protocol import (
     perturbed,
     select,
     spread_targets,
+    surface_overlap,
     true_transformation,
 )
 
@@ -50,6 +52,23 @@ def test_overlap_is_judged_under_the_true_pose():
     target = PointCloud(se3.transform(truth, sheet(10).points))
     assert overlap(sheet(30, shift=0.001), target, truth) == pytest.approx(0.5)
     assert overlap(sheet(30), target, np.eye(4)) == 0.0
+
+
+@pytest.mark.parametrize("beams", [8, 16])
+def test_the_next_ring_of_a_scanner_is_on_the_same_surface(beams):
+    """Seven tenths of a metre on, along a bare corridor: nearly all of it is seen again."""
+    source, target = (spinning.scan(spinning.corridor, k, beams, 0.005)[0] for k in (1, 2))
+    ahead = se3.rigid(np.eye(3), [0.7, 0.0, 0.0])
+    assert surface_overlap(prepare(source), prepare(target), ahead) > 0.95
+    assert overlap(source, target, ahead) < 0.9
+
+
+def test_surface_counts_by_its_area():
+    """A quarter of it is sampled sixteen times as densely, and nobody else saw that."""
+    coarse, fine = sheet(30, 40, 0.02).points, sheet(40, 160, 0.005).points
+    aside = np.concatenate([coarse, fine - [0.6, 0.0, 0.0]])
+    share = surface_overlap(prepare(aside), prepare(coarse), np.eye(4))
+    assert share == pytest.approx(0.75, abs=0.05)
 
 
 def test_overlap_depends_on_the_spacing_of_the_source_not_on_the_unit():

@@ -99,9 +99,18 @@ def test_the_few_that_face_elsewhere_are_rare():
     assert rare[1100] / rare[0] == pytest.approx(100.0, rel=0.05)
 
 
+def test_a_few_points_far_off_do_not_make_the_cells_larger():
+    points, normals = corner()
+    far = np.arange(len(points)) % 100 == 0
+    spoilt = cloud(np.where(far[:, None], 50.0 * points, points), normals)
+    sound = cloud(points, normals)
+    usual = Correlator(sound, sound, CELLS).cell
+    assert Correlator(spoilt, spoilt, CELLS).cell < 1.5 * usual
+
+
 @pytest.mark.parametrize("known", ["source", "target"])
 def test_of_two_places_that_agree_alike_the_one_that_leaves_empty_space_empty_comes_first(known):
-    """A step of two walls on one wall: the one before the other would stand in what was seen."""
+    """A niche on a wall, its back the largest part: then its sides stand in what was seen."""
     rng = np.random.default_rng(0)
 
     def patch(low, high, depth, count):
@@ -111,13 +120,14 @@ def test_of_two_places_that_agree_alike_the_one_that_leaves_empty_space_empty_co
     # A side wall: what was seen to be empty is told as far as the points reach.
     aside = np.column_stack([np.full(900, -1.5), rng.uniform([-0.5, 0.0], [0.5, 2.0], (900, 2))])
     towards = np.repeat([[0.0, 0.0, -1.0], [1.0, 0.0, 0.0]], [2100, 900], axis=0)
-    step = np.concatenate([patch(0.0, 1.0, 1.0, 700), patch(1.0, 2.0, 2.0, 700)])
-    step = cloud(step, np.tile([0.0, 0.0, -1.0], (1400, 1)), None)
+    sides = patch(-0.6, 0.0, 1.0, 420), patch(1.5, 2.1, 1.0, 420)
+    niche = np.concatenate([*sides, patch(0.0, 1.5, 2.0, 1050)])
+    niche = cloud(niche, np.tile([0.0, 0.0, -1.0], (1890, 1)), None)
     wall = np.concatenate([patch(-1.5, 1.5, 2.0, 2100), aside])
     seen = cloud(wall, towards)
-    pair = (seen, step) if known == "source" else (step, seen)
+    pair = (seen, niche) if known == "source" else (niche, seen)
     shifts, _ = Correlator(*pair, CELLS).peaks(np.eye(3), 1)
-    # The hind wall lies on it otherwise, a shift of none.
+    # The back of the niche lies on it otherwise, a shift of none.
     assert shifts[0][2] == pytest.approx(-1.0 if known == "source" else 1.0, abs=0.2)
 
 

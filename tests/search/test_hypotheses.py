@@ -148,6 +148,14 @@ def test_a_group_of_twelve_is_found_among_a_thousand_wrong_matches():
     assert explained(FAR[None], source, target, 0.01)[0] >= 12
 
 
+@pytest.mark.parametrize("seed", range(3))
+def test_the_match_that_most_speaks_for_is_right_where_distances_alone_would_not_tell(seed):
+    """One seed, and a tolerance at which a tenth of the wrong pairs are as far apart by chance."""
+    source, target = matched(12, 1000, seed)
+    poses, _ = motions(source, target, 0.05, 1)
+    assert off(poses, FAR).min() < 0.01
+
+
 def test_two_groups_are_both_found():
     source, target = matched(30, 300)
     second = se3.exp([0.1, 2.0, 0.3, -1.0, 0.5, 2.0])

@@ -38,6 +38,13 @@ def test_what_is_a_little_off_a_surface_contradicts_it_unless_the_surface_ends_t
     np.testing.assert_array_equal(seen, [AGREE, OTHER, FRONT, OUTSIDE, OUTSIDE])
 
 
+def test_what_is_far_from_any_surface_is_no_evidence_however_far_around_it_was_looked_for() -> None:
+    near = NearSurface(PreparedCloud(PointCloud(sheet())))
+    middle, up = np.array([840, 840]), np.tile([0.0, 0.0, 1.0], (2, 1))
+    seen = near.tell(np.array([0.12, 1.0]), middle, up)
+    np.testing.assert_array_equal(seen, [FRONT, OUTSIDE])
+
+
 def test_a_sheet_through_the_other_is_less_likely_than_one_beside_it() -> None:
     """More points agree in the wrong pose: the share that agrees tells nothing."""
     one, other = (PreparedCloud(PointCloud(sheet())) for _ in range(2))

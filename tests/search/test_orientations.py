@@ -97,3 +97,12 @@ def test_a_surface_turned_over_is_alike_where_sides_are_not_known_and_only_there
         assert turned < 0.1 * same
     else:
         assert turned == pytest.approx(same, rel=0.05)
+
+
+def test_a_wall_without_a_side_faces_both_ways_however_sharply():
+    """Sharper than the directions that are counted: of these, one or its opposite holds it all."""
+    for facing in np.random.default_rng(0).normal(size=(5, 3)):
+        image = Orientations.of(around([facing], [300], spread=0.0), False)
+        both = np.array([np.eye(3), -np.eye(3)])
+        same, turned = rate(both, image.directions, image.weight, image.table)
+        assert turned == pytest.approx(same, rel=0.05)

@@ -79,10 +79,11 @@ def asked_only(one):
 
 def test_the_given_start_is_a_candidate_and_six_of_its_turns():
     one = asked_only(begun())
-    one._close = SimpleNamespace(from_each_scale=lambda pose: pose[None])
+    far = turned(TRUE, frame(8), [0.0, 1.0, 0.0], 90.0)
+    one._close = SimpleNamespace(from_each_scale=lambda pose: far[None])
     candidates = one.from_start()
     np.testing.assert_array_equal(candidates[0].pose, TRUE)
-    far = turned(TRUE, frame(8), [0.0, 1.0, 0.0], 90.0)
+    np.testing.assert_array_equal(candidates[1].pose, far)
     rng = np.random.default_rng(0)
     poses = np.array([se3.exp(0.3 * rng.standard_normal(6)) @ far for _ in range(30)])
     assert len(one.among(Starts(poses, 0, presets.ROBUST.finalists, False))) == 6

@@ -31,6 +31,14 @@ class PinholeCamera:
     ------
     InputError
         A size or focal length that is not positive, or a number that is not finite.
+
+    Examples
+    --------
+    >>> import numpy as np
+    >>> from hmrf_icp import PinholeCamera
+    >>> camera = PinholeCamera(width=3, height=1, fx=2.0, fy=2.0, cx=1.0, cy=0.0)
+    >>> camera.unproject(np.full((1, 3), 4.0))[0, :, 0]
+    array([-2.,  0.,  2.])
     """
 
     width: int

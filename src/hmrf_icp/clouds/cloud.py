@@ -71,6 +71,15 @@ class PointCloud:
     ------
     InputError
         An array has another shape or holds no numbers, or no camera of that size.
+
+    Examples
+    --------
+    >>> import numpy as np
+    >>> from hmrf_icp import PinholeCamera, PointCloud
+    >>> camera = PinholeCamera(width=3, height=2, fx=2.0, fy=2.0, cx=1.0, cy=0.5)
+    >>> depth = np.array([[1000, 1000, 0], [1000, 2000, 2000]], dtype=np.uint16)
+    >>> PointCloud.from_depth(depth, camera)
+    PointCloud(organised, 2 x 3, 5 observed)
     """
 
     points: NDArray[np.float64]

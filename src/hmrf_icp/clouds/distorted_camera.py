@@ -39,6 +39,14 @@ class DistortedCamera:
         The same without the distortion, for images of the same size.
     distortion
         Of the lens.
+
+    Examples
+    --------
+    >>> from hmrf_icp import DistortedCamera, Distortion, PinholeCamera
+    >>> camera = PinholeCamera(640, 480, 525.0, 525.0, 319.5, 239.5)
+    >>> barrel = Distortion("brown-conrady", (-0.1, 0.0, 0.0, 0.0))
+    >>> DistortedCamera(camera, barrel).rectified_camera().fx
+    525.0
     """
 
     camera: PinholeCamera

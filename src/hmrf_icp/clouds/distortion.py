@@ -53,6 +53,15 @@ class Distortion:
     ------
     InputError
         An unknown model, another number of coefficients, or one that is not finite.
+
+    Examples
+    --------
+    >>> import numpy as np
+    >>> from hmrf_icp import Distortion
+    >>> barrel = Distortion("brown-conrady", (-0.1, 0.0, 0.0, 0.0))
+    >>> x, _ = barrel.distort(np.array([0.5]), np.array([0.0]))
+    >>> x.round(4)
+    array([0.4875])
     """
 
     model: Model

@@ -274,14 +274,17 @@ def _unorganised(cloud: PointCloud, tree: Tree) -> Surface:
 
     def neighbours(of: Array, count: int) -> tuple[Array, NDArray[np.int64]]:
         distance, index = near.query(of, k=count)
-        return distance.reshape(len(of), count), thin[index.reshape(len(of), count)]
+        return distance.reshape(len(of), count), index.reshape(len(of), count)
 
     counts = np.array([min(NEIGHBOURS, len(thin))])
     distance, index = neighbours(points, int(counts[0]))
     everything = np.arange(len(points))
     normals, residual, support, reach, width = fit_neighbours(
-        points, index, distance, everything, counts, viewpoint
+        points, thin[index], distance, everything, counts, viewpoint
     )
+    # Points before they were thinned, by the one that is left of them.
+    stood = np.bincount(index[:, 0], minlength=len(thin)).astype(np.float64)
+    held = stood[index].sum(axis=1)
     for more in MORE_NEIGHBOURS:
         lines = np.flatnonzero(np.isnan(residual))
         if not lines.size or len(thin) <= counts[-1]:
@@ -289,10 +292,12 @@ def _unorganised(cloud: PointCloud, tree: Tree) -> Surface:
         counts = np.unique(np.minimum(more, len(thin)))
         distance, index = neighbours(points[lines], int(counts[-1]))
         normals[lines], residual[lines], support[lines], reach[lines], width[lines] = (
-            fit_neighbours(points, index, distance, lines, counts, viewpoint)
+            fit_neighbours(points, thin[index], distance, lines, counts, viewpoint)
         )
+        last = support[lines].astype(np.int64)[:, None] - 1
+        held[lines] = np.take_along_axis(stood[index].cumsum(axis=1), last, axis=1)[:, 0]
     # A disc that holds all the neighbours before they were thinned: its area shared among them.
-    area = _positive(np.pi * reach**2 / np.maximum(support, 1.0) * (len(thin) / len(points)))
+    area = _positive(np.pi * reach**2 / np.maximum(held, 1.0))
     away = np.linalg.norm(points - viewpoint, axis=1) if known else np.ones(len(points))
     return Surface(
         points=points,

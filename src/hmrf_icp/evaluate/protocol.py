@@ -16,6 +16,7 @@ from numpy.typing import NDArray
 
 from hmrf_icp import se3
 from hmrf_icp.clouds.cloud import PointCloud
+from hmrf_icp.clouds.prepared import PreparedCloud
 from hmrf_icp.clouds.tree import Tree
 from hmrf_icp.errors import InputError
 
@@ -23,6 +24,9 @@ Array = NDArray[np.float64]
 
 NEIGHBOUR_FACTOR = 6.0
 """A source point overlaps when the target is nearer than this many times its own neighbour."""
+
+SPACING_FACTOR = 2.0
+"""The same in spacings of the target's surface, of random samples of which few are farther off."""
 
 DECILES = 10
 
@@ -177,7 +181,8 @@ def overlap(
     """Share of the source's points that the target saw too, as the paper estimates it.
 
     Under the true pose a source point counts when its distance to the target is
-    below six times the distance to its nearest neighbour in its own cloud.
+    below six times the distance to its nearest neighbour in its own cloud. That fits depth
+    maps; of scans whose rings are far apart see :func:`surface_overlap`.
 
     Parameters
     ----------
@@ -195,6 +200,29 @@ def overlap(
     reach = NEIGHBOUR_FACTOR * (neighbour_distance(points) if neighbours is None else neighbours)
     distance, _ = Tree(target.observed_points).query(se3.transform(truth, points))
     return float(np.mean(distance < reach))
+
+
+def surface_overlap(source: PreparedCloud, target: PreparedCloud, truth: Array) -> float:
+    """Share of the source's *surface* that the target saw too, whatever the density of either.
+
+    As :func:`overlap`, but each point counts by the area that it stands for, and a target point is
+    near, too, within two of the spacings that the target has there. On a scanner's ring the
+    nearest neighbour is so close that six times its distance does not reach the next ring.
+
+    Parameters
+    ----------
+    source, target
+        The clouds, as they are registered.
+    truth
+        (4, 4) source to target.
+    """
+    area = source.surface.area
+    distance, near = target.tree.query(se3.transform(truth, source.points))
+    reach = np.maximum(
+        NEIGHBOUR_FACTOR * neighbour_distance(source.points),
+        SPACING_FACTOR * np.sqrt(target.surface.area[near]),
+    )
+    return float(area @ (distance < reach) / area.sum())
 
 
 def decile(overlap: float) -> int:

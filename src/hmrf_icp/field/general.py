@@ -97,6 +97,16 @@ class MarkovField:
     ------
     InputError
         A parameter is out of its range, or a name is unknown.
+
+    Examples
+    --------
+    >>> import numpy as np
+    >>> import hmrf_icp
+    >>> x, y = np.random.default_rng(0).uniform(-1.0, 1.0, (2, 2000))
+    >>> hills = np.column_stack([x, y, 0.2 * np.sin(3.0 * x) * np.cos(4.0 * y)])
+    >>> result = hmrf_icp.register(hills - 0.01, hills, rejector=hmrf_icp.MarkovField(beta=1.0))
+    >>> bool(np.median(result.inlier_probability) > 0.5)
+    True
     """
 
     residuals: tuple[str | Residual, str | Residual] | Literal["auto"] = ("half-normal", "uniform")

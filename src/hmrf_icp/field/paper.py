@@ -67,6 +67,12 @@ class HiddenMarkovRandomField:
     ------
     InputError
         A parameter is out of its range.
+
+    Examples
+    --------
+    >>> from hmrf_icp import HiddenMarkovRandomField, presets
+    >>> presets.preset("paper").reject == HiddenMarkovRandomField()
+    True
     """
 
     beta: float = 2.0

@@ -75,5 +75,17 @@ def read_camera(path: str | os.PathLike[str], width: int, height: int) -> Camera
     InputError
         The file is missing or malformed, or its intrinsics are for another image size
         (see `Intrinsics.for_image`).
+
+    Examples
+    --------
+    >>> import tempfile
+    >>> from pathlib import Path
+    >>> import numpy as np
+    >>> from hmrf_icp import read_camera
+    >>> with tempfile.TemporaryDirectory() as folder:
+    ...     file = Path(folder, "camera.txt")
+    ...     np.savetxt(file, [[525.0, 0.0, 319.5], [0.0, 525.0, 239.5], [0.0, 0.0, 1.0]])
+    ...     read_camera(file, 640, 480).fx
+    525.0
     """
     return read_intrinsics(path).for_image(width, height)

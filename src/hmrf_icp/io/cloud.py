@@ -132,6 +132,20 @@ def read_cloud(
         The file is missing, damaged or of an unknown kind; a depth map comes
         without a camera or with that of another image size; a library that the format
         needs is not installed.
+
+    Examples
+    --------
+    >>> import tempfile
+    >>> from pathlib import Path
+    >>> import numpy as np
+    >>> from hmrf_icp import read_cloud
+    >>> rows = [[0.0, 1.0, 2.0, 3.0], [0.1, 4.0, 5.0, 6.0]]
+    >>> with tempfile.TemporaryDirectory() as folder:
+    ...     file = Path(folder, "scan.csv")
+    ...     np.savetxt(file, rows, delimiter=",", header="time,x,y,z", comments="")
+    ...     read_cloud(file).points
+    array([[1., 2., 3.],
+           [4., 5., 6.]])
     """
     content = read_any(path, samples, confidence, min_confidence)
     if isinstance(content, PointCloud):
@@ -241,6 +255,18 @@ def write_cloud(path: str | os.PathLike[str], cloud: PointCloud) -> None:
     InputError
         The suffix is not known, the folder missing or not writable, or a library that the
         format needs not installed.
+
+    Examples
+    --------
+    >>> import tempfile
+    >>> from pathlib import Path
+    >>> import numpy as np
+    >>> from hmrf_icp import PointCloud, read_cloud, write_cloud
+    >>> cloud = PointCloud(np.random.default_rng(0).uniform(size=(100, 3)))
+    >>> with tempfile.TemporaryDirectory() as folder:
+    ...     write_cloud(Path(folder, "cloud.npz"), cloud)
+    ...     read_cloud(Path(folder, "cloud.npz")) == cloud
+    True
     """
     suffix = check_suffix(Path(path), WRITABLE, "write points to")
     with written_whole(path) as partial:

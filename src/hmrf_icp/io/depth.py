@@ -75,6 +75,17 @@ def read_depth(
     InputError
         The file is missing, empty, damaged or of an unknown kind, has 8 bits a
         pixel or several channels; the confidence is of another size.
+
+    Examples
+    --------
+    >>> import tempfile
+    >>> from pathlib import Path
+    >>> import numpy as np
+    >>> from hmrf_icp import read_depth
+    >>> with tempfile.TemporaryDirectory() as folder:
+    ...     np.save(Path(folder, "depth.npy"), np.full((2, 3), 1.5))
+    ...     read_depth(Path(folder, "depth.npy")).shape
+    (2, 3)
     """
     file = existing_file(path)
     depth = _read(file)

@@ -20,6 +20,9 @@ from hmrf_icp.loop.reject import Labels
 
 Array = NDArray[np.float64]
 
+SINGULAR = 1e-12
+"""Share of the largest eigenvalue of the normal equations below which one is rounding."""
+
 MINIMUM_INLIERS = 3
 """Fewer matches than this do not determine a rigid motion."""
 
@@ -76,7 +79,17 @@ class Aligner(Protocol):
 
 @dataclass(frozen=True)
 class PointToPoint:
-    """Least squares between points, f = ||T B_i - C_I_i||^2 over z > 0, in closed form."""
+    """Least squares between points, f = ||T B_i - C_I_i||^2 over z > 0, in closed form.
+
+    Examples
+    --------
+    >>> import numpy as np
+    >>> from hmrf_icp import PointToPoint, register
+    >>> points = np.random.default_rng(0).uniform(size=(500, 3))
+    >>> result = register(points - 0.01, points, rejector="x84", aligner=PointToPoint())
+    >>> result.transformation[:3, 3].round(3)
+    array([0.01, 0.01, 0.01])
+    """
 
     def prepare(self, source: PreparedCloud, target: PreparedCloud) -> Align:
         """Nothing but the target's points is needed."""
@@ -105,3 +118,19 @@ def best_motion(points: Array, onto: Array) -> Array:
     covariance += LEAST_TURN * np.linalg.norm(covariance) * np.eye(3)
     rotation = se3.nearest_rotation(covariance)
     return se3.rigid(rotation, centre_onto - rotation @ centre)
+
+
+def least_squares(hessian: Array, gradient: Array) -> Array | None:
+    """Solve a Gauss-Newton step (k,), with no motion along what the equations say nothing of.
+
+    None where they are not finite. What holds a direction is judged on both clouds' normals
+    before; a metric that looks at one of them may know less (all matches on one point).
+    """
+    if not (np.isfinite(hessian).all() and np.isfinite(gradient).all()):
+        return None
+    values, directions = np.linalg.eigh(hessian)
+    known = values > SINGULAR * values[-1]
+    if known.all():
+        return np.asarray(np.linalg.solve(hessian, -gradient))
+    directions = directions[:, known]
+    return np.asarray(-directions @ ((directions.T @ gradient) / values[known]))

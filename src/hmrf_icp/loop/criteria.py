@@ -33,6 +33,15 @@ class Criteria:
     ------
     InputError
         One of them is negative or NaN.
+
+    Examples
+    --------
+    >>> import numpy as np
+    >>> from hmrf_icp import Criteria
+    >>> step = np.eye(4)
+    >>> step[0, 3] = 0.004
+    >>> Criteria(translation=0.01).met(step), Criteria(translation=0.001).met(step)
+    (True, False)
     """
 
     translation: float = 0.01
@@ -71,6 +80,17 @@ class RelativeCriteria:
         of its points from that).
     max_iterations
         As for :class:`Criteria`.
+
+    Examples
+    --------
+    >>> import numpy as np
+    >>> from hmrf_icp import RelativeCriteria, prepare
+    >>> points = np.random.default_rng(0).uniform(size=(500, 3))
+    >>> metres, millimetres = (
+    ...     RelativeCriteria(1e-3).on(prepare(unit * points)).translation for unit in (1.0, 1000.0)
+    ... )
+    >>> round(millimetres / metres, 6)
+    1000.0
     """
 
     step: float = 1e-4

@@ -144,6 +144,13 @@ class FreeMotion:
         (6,) in the target's frame about its origin, rotation (rad) then
         translation (m): ``se3.exp(x * twist) @ transformation`` fits as well
         for any small x. The rotation has length 1, or the translation has.
+
+    Examples
+    --------
+    >>> import numpy as np
+    >>> from hmrf_icp import FreeMotion
+    >>> print(FreeMotion(np.array([0.0, 0.0, 0.0, 1.0, 0.0, 0.0])))
+    translation along (1.00, 0.00, 0.00)
     """
 
     twist: Array

@@ -24,7 +24,14 @@ Array = NDArray[np.float64]
 
 @dataclass(frozen=True)
 class Method:
-    """A registration method: its three parts and when it stops."""
+    """A registration method: its three parts and when it stops.
+
+    Examples
+    --------
+    >>> from hmrf_icp import Method, NearestNeighbour, Symmetric, X84
+    >>> Method(NearestNeighbour(), X84(), Symmetric()).reject
+    X84(deviations=5.2)
+    """
 
     match: Matcher
     reject: Rejector
@@ -77,6 +84,15 @@ class Iteration:
         What the rejection learnt: means and deviations or a threshold, metres.
     transformation
         (4, 4) source to target, after its motion; None where nobody told.
+
+    Examples
+    --------
+    >>> import numpy as np
+    >>> import hmrf_icp
+    >>> points = np.random.default_rng(0).uniform(size=(500, 3))
+    >>> result = hmrf_icp.register(points, points + 0.01, rejector="x84")
+    >>> [one.iteration for one in result.history] == list(range(1, result.iterations + 1))
+    True
     """
 
     iteration: int

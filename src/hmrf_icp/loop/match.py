@@ -112,6 +112,16 @@ class NearestNeighbour:
         A match may be farther than the closest point by this share of its distance;
         0 is exact. A point far from everything has many target points at nearly the
         same distance, and telling which is the closest takes most of the time.
+
+    Examples
+    --------
+    >>> import numpy as np
+    >>> from hmrf_icp import NearestNeighbour, prepare
+    >>> from hmrf_icp.loop.placed import Placed
+    >>> points = np.random.default_rng(0).uniform(size=(500, 3))
+    >>> match = NearestNeighbour().prepare(prepare(points), prepare(points))
+    >>> match(Placed.at(np.eye(4), points[:3])).index
+    array([0, 1, 2])
     """
 
     tolerance: float = 0.0

@@ -83,7 +83,16 @@ def keep_below(distance: Array, threshold: float) -> Labels:
 
 @dataclass(frozen=True)
 class KeepAll:
-    """No rejection: every point is an inlier (Besl and McKay 1992)."""
+    """No rejection: every point is an inlier (Besl and McKay 1992).
+
+    Examples
+    --------
+    >>> import numpy as np
+    >>> from hmrf_icp import KeepAll, register
+    >>> points = np.random.default_rng(0).uniform(size=(500, 3))
+    >>> register(points, points + 0.01, rejector=KeepAll()).fitness
+    1.0
+    """
 
     def prepare(self, source: PreparedCloud, target: PreparedCloud) -> Reject:
         """Nothing to prepare."""
@@ -92,7 +101,16 @@ class KeepAll:
 
 @dataclass(frozen=True)
 class KeepPercent:
-    """Keep the closest points, 90 % of them (trimmed ICP, Chetverikov 2002)."""
+    """Keep the closest points, 90 % of them (trimmed ICP, Chetverikov 2002).
+
+    Examples
+    --------
+    >>> import numpy as np
+    >>> from hmrf_icp import KeepPercent, register
+    >>> points = np.random.default_rng(0).uniform(size=(500, 3))
+    >>> register(points, points + 0.01, rejector=KeepPercent(80.0)).converged
+    True
+    """
 
     percent: float = 90.0
 
@@ -105,7 +123,16 @@ class KeepPercent:
 
 @dataclass(frozen=True)
 class KeepSigma:
-    """Keep what is below the mean plus 2.5 standard deviations (Masuda 1996)."""
+    """Keep what is below the mean plus 2.5 standard deviations (Masuda 1996).
+
+    Examples
+    --------
+    >>> import numpy as np
+    >>> from hmrf_icp import KeepSigma, register
+    >>> points = np.random.default_rng(0).uniform(size=(500, 3))
+    >>> register(points, points + 0.01, rejector=KeepSigma(2.0)).converged
+    True
+    """
 
     deviations: float = 2.5
 
@@ -119,7 +146,16 @@ class KeepSigma:
 
 @dataclass(frozen=True)
 class X84:
-    """Keep what is below the median plus 5.2 median absolute deviations (Fusiello 2002)."""
+    """Keep what is below the median plus 5.2 median absolute deviations (Fusiello 2002).
+
+    Examples
+    --------
+    >>> import numpy as np
+    >>> from hmrf_icp import X84, register
+    >>> points = np.random.default_rng(0).uniform(size=(500, 3))
+    >>> register(points, points + 0.01, rejector=X84(4.0)).converged
+    True
+    """
 
     deviations: float = 5.2
 
@@ -148,6 +184,14 @@ class Dynamic:
     scale
         D, metres: a distance that counts as a good registration. None takes
         the mean distance of the target's points to their nearest neighbour.
+
+    Examples
+    --------
+    >>> import numpy as np
+    >>> from hmrf_icp import Dynamic, register
+    >>> points = np.random.default_rng(0).uniform(size=(500, 3))
+    >>> register(points, points + 0.01, rejector=Dynamic(scale=0.02)).converged
+    True
     """
 
     scale: float | None = None

@@ -24,7 +24,7 @@ from hmrf_icp import se3
 from hmrf_icp.clouds.prepared import PreparedCloud
 from hmrf_icp.clouds.surface import Surface
 from hmrf_icp.errors import InputError
-from hmrf_icp.loop.align import Align, Step
+from hmrf_icp.loop.align import Align, Step, least_squares
 from hmrf_icp.loop.degeneracy import about_origin, split, unit_twists
 from hmrf_icp.loop.match import Matches, checked_rows
 from hmrf_icp.loop.placed import Placed
@@ -41,9 +41,6 @@ INNER_STEPS = 10
 SMALL = 1e-5
 """A Gauss-Newton step (rad, and share of the size of the scene) after which the next is not worth
 it: convergence is quadratic."""
-
-SINGULAR = 1e-12
-"""Share of the largest eigenvalue of the normal equations below which one is rounding."""
 
 LEAST_NOISE = 1e-9
 """Noise of a point at the least, as a share of the size of the scene: an exact cloud has none."""
@@ -249,7 +246,14 @@ class SurfaceMetric:
 
 @dataclass(frozen=True)
 class PointToPlane(SurfaceMetric):
-    """Distance along the target's normal (Chen and Medioni 1992)."""
+    """Distance along the target's normal (Chen and Medioni 1992).
+
+    Examples
+    --------
+    >>> import hmrf_icp
+    >>> hmrf_icp.presets.aligner("point-to-plane")
+    PointToPlane(weights='soft')
+    """
 
     def sums(self, m: Matched, pose: Array, centre: Array) -> Array:
         """Sum over n . (x - y)."""
@@ -264,6 +268,12 @@ class Symmetric(SurfaceMetric):
     """Distance along the mean of both normals (Rusinkiewicz 2019).
 
     It vanishes on any surface of constant curvature, where point-to-plane does on planes.
+
+    Examples
+    --------
+    >>> import hmrf_icp
+    >>> hmrf_icp.presets.aligner("symmetric")
+    Symmetric(weights='soft')
     """
 
     def sums(self, m: Matched, pose: Array, centre: Array) -> Array:
@@ -285,6 +295,12 @@ class PlaneToPlane(SurfaceMetric):
     ----------
     flatness
         Variance along the normal over that across it; theirs is 1e-3.
+
+    Examples
+    --------
+    >>> import hmrf_icp
+    >>> hmrf_icp.presets.aligner("plane-to-plane")
+    PlaneToPlane(weights='soft', flatness=0.001)
     """
 
     flatness: float = 1e-3
@@ -367,22 +383,6 @@ class Pairing:
             apart,
             trust,
         )
-
-
-def least_squares(hessian: Array, gradient: Array) -> Array | None:
-    """Solve a Gauss-Newton step (k,), with no motion along what the equations say nothing of.
-
-    None where they are not finite. What holds a direction is judged on both clouds' normals
-    before; a metric that looks at one of them may know less (all matches on one point).
-    """
-    if not (np.isfinite(hessian).all() and np.isfinite(gradient).all()):
-        return None
-    values, directions = np.linalg.eigh(hessian)
-    known = values > SINGULAR * values[-1]
-    if known.all():
-        return np.asarray(np.linalg.solve(hessian, -gradient))
-    directions = directions[:, known]
-    return np.asarray(-directions @ ((directions.T @ gradient) / values[known]))
 
 
 def extent(points: Array, weight: Array) -> tuple[Array, float]:

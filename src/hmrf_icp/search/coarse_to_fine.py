@@ -72,6 +72,14 @@ class CoarseToFine:
         thinned out, and their labels filled in from the points that were kept.
     assume_viewpoints
         Whether a place to look from is looked for where no viewpoint is known.
+
+    Examples
+    --------
+    >>> from dataclasses import replace
+    >>> from hmrf_icp import CoarseToFine, presets
+    >>> fewer = replace(presets.preset("robust"), points=5000)
+    >>> isinstance(fewer, CoarseToFine)
+    True
     """
 
     method: Method

@@ -71,6 +71,12 @@ class Visibility:
     clear
         Logarithm of agreement to free space violated from the origins of both frames, where
         those were assumed as viewpoints; None where they were not.
+
+    Examples
+    --------
+    >>> from hmrf_icp import Visibility
+    >>> Visibility(agree=900, front=10, behind=60, outside=30, other=0).asked
+    1000
     """
 
     agree: int

@@ -39,6 +39,12 @@ class VisibleMatch:
         Deviations of the noise by which a point may be off what was seen; the view
         itself has 4. A real sensor bends a whole map by more than its noise; points
         lost to that on one side pull the pose to the other.
+
+    Examples
+    --------
+    >>> from hmrf_icp import NearestNeighbour, VisibleMatch
+    >>> VisibleMatch(NearestNeighbour(tolerance=0.1)).match.tolerance
+    0.1
     """
 
     match: Matcher = field(default_factory=NearestNeighbour)
