@@ -107,7 +107,6 @@ def draw(kinds: dict[str, list[dict[str, str]]], path: Path) -> None:
         below.hist(
             [confidence[right], confidence[~right]],
             bins=edges,
-            stacked=True,
             color=[palette.INLIER, palette.VIOLATED],
             label=["right", "wrong"],
         )
@@ -118,7 +117,7 @@ def draw(kinds: dict[str, list[dict[str, str]]], path: Path) -> None:
         if number == 0:
             top.set_ylabel("share that was right")
             below.set_ylabel("runs")
-            below.legend(frameon=False, labelcolor=ink, loc="upper center", fontsize=8)
+            below.legend(frameon=False, labelcolor=ink, loc="upper left", fontsize=8)
     with written_whole(path) as partial:
         figure.savefig(partial)
 
