@@ -117,7 +117,8 @@ def write_npz(path: Path, cloud: PointCloud) -> None:
     if cloud.normals is not None:
         arrays["normals"] = cloud.normals
     for name, values in cloud.attributes.items():
-        arrays[f"attribute {name}" if name in _OWN else name] = values
+        plain = name.encode("utf-8", "backslashreplace").decode()  # half a character is none
+        arrays[f"attribute {plain}" if plain in _OWN else plain] = values
     # Not with np.savez, to which an attribute called "file" would be its own argument.
     with zipfile.ZipFile(path, "w", zipfile.ZIP_DEFLATED) as archive:
         for name, values in arrays.items():

@@ -77,7 +77,9 @@ class Names:
 
     def free(self, name: str) -> str:
         """Return the name in letters, digits and a few marks; with a number if it is taken."""
-        plain = re.sub(r"[^A-Za-z0-9_.:\[\]()-]+", "_", name) or "_"
+        plain = re.sub(r"[^A-Za-z0-9_.:\[\]()-]+", "_", name)
+        if not plain.strip("_"):
+            plain = "unnamed"  # "_" is a gap between the fields of a PCD
         found, number = plain, self._next.get(plain, 2)
         while found in self._taken:
             found, number = f"{plain}_{number}", number + 1

@@ -113,7 +113,7 @@ def write_las(path: Path, cloud: PointCloud) -> None:
     coloured = all(name in columns and columns[name].dtype == np.uint8 for name in COLOURS)
     header = laspy.LasHeader(version="1.4", point_format=7 if coloured else 6)
     header.scales, header.offsets = _steps(points)
-    standard, extra = _placed(header, columns, coloured)
+    standard, extra = _placed(laspy.LasData(header), columns, coloured)
     header.add_extra_dims(
         [laspy.ExtraBytesParams(name=name, type=values.dtype) for name, values in extra.items()]
     )
@@ -189,19 +189,21 @@ def _steps(points: NDArray[np.float64]) -> tuple[NDArray[np.float64], NDArray[np
     return np.full(3, scale), np.rint(0.5 * (low + high) / unit) * unit
 
 
-def _placed(header: Any, columns: Columns, coloured: bool) -> tuple[Columns, Columns]:
+def _placed(las: Any, columns: Columns, coloured: bool) -> tuple[Columns, Columns]:
     """Tell what has a dimension of LAS from what needs one of its own, which gets its type."""
-    dimensions = {each.name: each for each in header.point_format.standard_dimensions}
+    dimensions = {each.name: each for each in las.header.point_format.standard_dimensions}
     standard: Columns = {}
     extra: Columns = {}
-    names = Names((*dimensions, *AXES))
+    # Names that laspy's clouds have a meaning of their own for.
+    names = Names((*dimensions, *AXES, *dir(las)))
     for name, values in columns.items():
         if coloured and name in COLOURS:
             standard[name] = values.astype(np.uint16) * _WRITTEN_SCALE
         elif name in dimensions and name not in COLOURS and _fits(values, dimensions[name]):
             standard[name] = values
         else:
-            kept = names.free(name[:_LONGEST_NAME])
+            # A colon is what divides fields of the format's records in memory.
+            kept = names.free(name.replace(":", "_")[:_LONGEST_NAME])
             while len(kept) > _LONGEST_NAME:
                 kept = names.free(kept[: _LONGEST_NAME - 6])
             if values.dtype.kind == "b":
