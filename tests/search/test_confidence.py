@@ -40,7 +40,6 @@ def test_where_nothing_agrees_nothing_is_believed(visibility):
     assert confidence(replace(visibility, agree=0, front=0, outside=800)) < 0.3
 
 
-@pytest.mark.parametrize("visibility", [SEEN, UNSEEN])
 def test_a_corner_that_agrees_is_little_though_nothing_contradicts_it():
     corner = Visibility(agree=200, front=1, behind=1500, outside=6300, other=0)
     tenth = Visibility(agree=800, front=1, behind=1500, outside=5700, other=0)
@@ -48,6 +47,7 @@ def test_a_corner_that_agrees_is_little_though_nothing_contradicts_it():
     assert confidence(tenth) > 0.8
 
 
+@pytest.mark.parametrize("visibility", [SEEN, UNSEEN])
 def test_of_two_poses_the_one_that_is_held_better_is_likelier(visibility):
     odds = [log_odds(visibility, weakest) for weakest in (0.1, 1.0, 5.0, 20.0, 100.0)]
     assert odds[0] < odds[1] < odds[2] < odds[3] == odds[4]
