@@ -60,6 +60,7 @@ def surface(points, normals, noise=0.002, oriented=True):
         support=np.full(count, 25.0),
         residual=np.full(count, noise),
         width=np.full(count, 0.1),
+        patch=np.full(count, 0.01),
     )
 
 

@@ -117,7 +117,7 @@ DECISIONS = (
         "points of a surface must coincide",
         "a point is on a surface within the spacing of its points",
         "search/visibility.py",
-        "self._band = band * surface.noise + np.sqrt(surface.area)",
+        "self._band = band * surface.noise + np.sqrt(surface.patch)",
         "self._band = band * surface.noise",
         NEAR,
     ),

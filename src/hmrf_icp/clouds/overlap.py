@@ -69,4 +69,5 @@ def overlap(source: PreparedCloud, target: PreparedCloud, pose: Array) -> float:
             cosine = np.abs(cosine)
         # Exactly 0 where one of them has no normal.
         found &= (cosine > FACING) | (cosine == 0.0)
-    return float(np.mean(found.any(axis=1)))
+    # They were chosen by patches, and count by area.
+    return float(np.average(found.any(axis=1), weights=surface.area[rows] / surface.patch[rows]))

@@ -85,6 +85,10 @@ class Surface:
         (M,) standard deviation of the points along their normals, metres.
     area
         (M,) area that the point stands for, square metres.
+    patch
+        (M,) the same if points stood as densely everywhere as on average. What is chosen and
+        weighed by it has more of what is seen closely, such as things on a table, and less of
+        far floors and walls: searches go by it.
     oriented
         Whether the normals have a sign.
     support
@@ -103,11 +107,12 @@ class Surface:
     support: Array
     residual: Array
     width: Array
+    patch: Array
 
     @cached_property
     def spacing(self) -> float:
         """Typical distance between neighbouring points, metres."""
-        return float(np.sqrt(np.median(self.area)))
+        return float(np.sqrt(np.median(self.patch)))
 
     @cached_property
     def tilt(self) -> Array:
@@ -117,7 +122,7 @@ class Surface:
         as many times their area: to first order noise over the root of their
         summed squares, and more where the noise is not small against the patch.
         """
-        relative = self.noise**2 / np.maximum(self.area, 1e-300)
+        relative = self.noise**2 / np.maximum(self.patch, 1e-300)
         patch = self.support / 12.0
         return np.asarray(np.sqrt(relative / (self.support * patch) * (1.0 + relative / patch)))
 
@@ -141,7 +146,7 @@ class Surface:
         if len(rows) == 0:
             return rows, np.empty(0)
         # A few points that stand for far more than their share would be taken once only.
-        area = self.area[rows]
+        area = self.patch[rows]
         area = np.minimum(area, 20.0 * np.median(area))
         return rows, np.cumsum(area) / area.sum()
 
@@ -149,14 +154,14 @@ class Surface:
     def size(self) -> float:
         """Root mean square distance of the points from their centre, each by its area, metres."""
         offset = self.points - self.centre
-        square = np.einsum("i,ij,ij->", self.area, offset, offset) / self.area.sum()
+        square = np.einsum("i,ij,ij->", self.patch, offset, offset) / self.patch.sum()
         return float(np.sqrt(square))
 
     @cached_property
     def centre(self) -> Array:
         """(3,) mean of the points, each by its area, metres."""
         # BLAS would start threads for it, which keep a core busy long after.
-        return np.asarray(np.einsum("i,ij->j", self.area, self.points) / self.area.sum())
+        return np.asarray(np.einsum("i,ij->j", self.patch, self.points) / self.patch.sum())
 
 
 @stage("surface")
@@ -213,6 +218,7 @@ def _organised(
         support=np.full(len(seen), (2.0 * WINDOW + 1.0) ** 2),
         residual=residual,
         width=width.take(seen),
+        patch=areas,
     )
 
 
@@ -296,18 +302,22 @@ def _unorganised(cloud: PointCloud, tree: Tree) -> Surface:
         )
         last = support[lines].astype(np.int64)[:, None] - 1
         held[lines] = np.take_along_axis(stood[index].cumsum(axis=1), last, axis=1)[:, 0]
-    # A disc that holds all the neighbours before they were thinned: its area shared among them.
-    area = _positive(np.pi * reach**2 / np.maximum(held, 1.0))
+    # A disc that holds all the neighbours before they were thinned: its area shared among them,
+    # or among as many as would be there on average.
+    disc = np.pi * reach**2
+    area = _positive(disc / np.maximum(held, 1.0))
+    patch = _positive(disc / np.maximum(support, 1.0) * (len(thin) / len(points)))
     away = np.linalg.norm(points - viewpoint, axis=1) if known else np.ones(len(points))
     return Surface(
         points=points,
         normals=normals,
-        noise=_noise(away, residual, np.sqrt(area)),
+        noise=_noise(away, residual, np.sqrt(patch)),
         area=area,
         oriented=known,
         support=support,
         residual=residual,
         width=width,
+        patch=patch,
     )
 
 

@@ -29,7 +29,7 @@ def everywhere(source: PreparedCloud, target: PreparedCloud) -> Iterator[Array]:
     if not (mine.normals.any() and theirs.normals.any()):
         return
     first, second = (
-        sampled(one.points, one.normals, one.area, one.oriented, cloud.cloud.viewpoint)
+        sampled(one.points, one.normals, one.patch, one.oriented, cloud.cloud.viewpoint)
         for cloud, one in ((source, mine), (target, theirs))
     )
     yield plane_hypotheses(first, second, MOST)[0]

@@ -121,7 +121,7 @@ class NearSurface:
     def __init__(self, cloud: PreparedCloud, band: float = BAND) -> None:
         self._surface = surface = cloud.surface
         self._tree = cloud.tree
-        self._band = band * surface.noise + np.sqrt(surface.area)
+        self._band = band * surface.noise + np.sqrt(surface.patch)
         self._border = cloud.border
         self._reach = OFF * float(self._band.max())
 
