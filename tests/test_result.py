@@ -89,8 +89,9 @@ def test_half_of_a_wavy_sheet_overlaps_half():
     prepared = hmrf_icp.prepare(sheet), hmrf_icp.prepare(half[::3])
     from hmrf_icp.clouds.overlap import overlap
 
-    # A counterpart is within two spacings of the target's points, 0.012 here, also at its edge.
-    assert overlap(*prepared, np.eye(4)) == pytest.approx(0.5, abs=0.035)
+    # A counterpart is within two spacings of the target's points and the noise, 0.028 here, also
+    # at its edge; 4,000 points are asked, of whose share 0.01 is a deviation.
+    assert overlap(*prepared, np.eye(4)) == pytest.approx(0.528, abs=0.03)
     assert overlap(*prepared[::-1], np.eye(4)) > 0.99
 
 

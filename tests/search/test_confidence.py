@@ -32,7 +32,10 @@ def test_the_more_contradicts_and_the_less_agrees_the_less_likely(visibility):
 
 @pytest.mark.parametrize("visibility", [SEEN, UNSEEN])
 def test_every_halving_of_what_agrees_tells_as_much_down_to_a_few_in_a_hundred(visibility):
-    odds = [log_odds(replace(visibility, agree=agree)) for agree in (640, 320, 160, 80, 40)]
+    odds = [
+        log_odds(replace(visibility, agree=agree, outside=1000 - agree))
+        for agree in (640, 320, 160, 80, 40)
+    ]
     lost = [one - other for one, other in pairwise(odds)]
     assert lost[0] > 0.8
     assert lost[-1] == pytest.approx(lost[0], rel=0.1)
