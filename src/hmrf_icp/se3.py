@@ -25,7 +25,7 @@ little: accepted, and made a rotation again. A scale of 0.2 % is refused.
 """
 
 
-PIECE = 4096
+_PIECE = 4096
 """Points that are moved at a time."""
 
 
@@ -103,12 +103,12 @@ def inverse(pose: Array) -> Array:
 
 def transform(pose: Array, points: Array) -> Array:
     """Move points of shape (..., 3) by a (4, 4) motion; NaN stays NaN."""
-    if points.ndim != 2 or len(points) <= PIECE:
+    if points.ndim != 2 or len(points) <= _PIECE:
         return np.asarray(points @ pose[:3, :3].T + pose[:3, 3])
     # A piece at a time stays in the cache, and BLAS starts no threads for it.
     turn, moved = pose[:3, :3].T, np.empty(points.shape)
-    for first in range(0, len(points), PIECE):
-        piece = slice(first, first + PIECE)
+    for first in range(0, len(points), _PIECE):
+        piece = slice(first, first + _PIECE)
         np.matmul(points[piece], turn, out=moved[piece])
         moved[piece] += pose[:3, 3]
     return moved
