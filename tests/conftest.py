@@ -2,7 +2,9 @@
 
 from __future__ import annotations
 
+import contextlib
 import os
+import signal
 from pathlib import Path
 
 import pytest
@@ -15,6 +17,11 @@ settings.load_profile("unhurried")
 # The clouds here are small: threads of the neighbour search would mostly wait for each other, and
 # on a busy machine for long. Read when the library is loaded, which no import above does.
 os.environ.setdefault("OMP_NUM_THREADS", "1")
+
+# A shell that runs a command in the background has it ignore Ctrl-C, and all that it starts too.
+if signal.getsignal(signal.SIGINT) is signal.SIG_IGN:
+    with contextlib.suppress(ValueError):  # not the main thread
+        signal.signal(signal.SIGINT, signal.default_int_handler)
 
 SHARED = Path(__file__).resolve().parents[2] / "shared"
 
