@@ -10,6 +10,7 @@ import pytest
 
 import hmrf_icp
 from hmrf_icp import PointCloud, PreparedCloud, RelativeCriteria, prepare
+from views import CAMERA, frame
 
 
 def cloud(count=500, seed=0):
@@ -70,3 +71,15 @@ def test_relative_criteria_grow_with_the_target():
     assert large.rotation == small.rotation == 1e-3
     same = hmrf_icp.Criteria(0.1, 0.2, 3)
     assert same.on(PreparedCloud(PointCloud(points))) is same
+
+
+def test_a_recovered_camera_leaves_out_no_point_that_was_given():
+    """A far constant is nothing measured in a depth map, and a place like others in a grid."""
+    depth = frame(0).points[..., 2].copy()
+    depth[:6, :40] = 100.0
+    given = PointCloud(CAMERA.unproject(depth))
+    viewed = prepare(given).viewed
+    assert viewed.cloud.camera is not None
+    assert len(viewed) == len(given)
+    result = hmrf_icp.register(given, frame(4))
+    assert result.distance.shape == given.shape

@@ -163,17 +163,11 @@ class PreparedCloud:
         if self.cloud.viewpoint is not None or not self.look:
             return self
         seen = find_view(self.cloud, lambda: self.downsampled(POINTS).surface, -self.origin)
-        if seen.camera is not None:
-            cloud = PointCloud(
-                self.cloud.points,
-                seen.camera,
-                attributes=self.cloud.attributes,
-                notes=self.cloud.notes,
-            )
-        else:
-            cloud = self.cloud.derived(
-                self.cloud.points, np.array(seen.place), self.cloud.attributes
-            )
+        # Derived: what is observed stays so, since labels are asked of the cloud as given.
+        place = np.zeros(3) if seen.camera is not None else np.array(seen.place)
+        cloud = self.cloud.derived(
+            self.cloud.points, place, self.cloud.attributes, camera=seen.camera
+        )
         return PreparedCloud(cloud, self.origin, seen.view)
 
     @property
