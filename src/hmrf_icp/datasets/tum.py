@@ -80,7 +80,9 @@ def _read_depth_list(folder: Path) -> tuple[list[Row], Array, list[Path]]:
     try:
         shutter = np.array([float(row.words[0]) for row in rows])
     except ValueError:
-        row = next(row for row in rows if not _is_number(row.words[0]))
+        from hmrf_icp.io.text_header import is_number
+
+        row = next(row for row in rows if not is_number(row.words[0]))
         raise row.fail("a timestamp in seconds and the name of a depth map") from None
     finite = np.abs(shutter) <= LARGEST_NUMBER
     if not finite.all():
@@ -93,14 +95,6 @@ def _read_depth_list(folder: Path) -> tuple[list[Row], Array, list[Path]]:
         if not is_file(file):
             raise InputError(f"{row.place}: names {row.words[1]}, but there is no {file}")
     return rows, shutter, files
-
-
-def _is_number(word: str) -> bool:
-    try:
-        float(word)
-    except ValueError:
-        return False
-    return True
 
 
 def _read_groundtruth(path: Path) -> tuple[Array, Array]:

@@ -95,7 +95,7 @@ def write_text(path: Path, cloud: PointCloud) -> None:
     if csv:
         others = unpacked_colours(columns_of(cloud, PLY_NORMALS))
         for name, column in one_number_a_column(others, len(cloud.shape)).items():
-            columns[f"_{name}" if _is_number(name) else name] = column
+            columns[f"_{name}" if is_number(name) else name] = column
     elif path.suffix.lower() == ".xyzn" and cloud.normals is not None:
         columns |= dict(zip(PLY_NORMALS, np.moveaxis(cloud.normals, -1, 0), strict=True))
     elif path.suffix.lower() == ".pts":
@@ -107,15 +107,6 @@ def write_text(path: Path, cloud: PointCloud) -> None:
     with path.open("w", encoding="utf-8", newline="\n") as stream:
         stream.writelines([f"{len(lines)}\n"] * (path.suffix.lower() == ".pts"))
         stream.writelines([mark.join(columns) + "\n"] * csv + lines)
-
-
-def _is_number(word: str) -> bool:
-    """Whether a title would be read as a point."""
-    try:
-        float(word)
-    except ValueError:
-        return False
-    return True
 
 
 def _written(values: NDArray[Any]) -> NDArray[Any]:
