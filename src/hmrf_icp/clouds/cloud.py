@@ -392,6 +392,11 @@ def some_of(rows: NDArray[Number], count: int = SAMPLE) -> NDArray[Number]:
     return rows[:: max(1, len(rows) // count)]
 
 
+def at_most(rows: NDArray[Number], most: int) -> NDArray[Number]:
+    """Choose ``most`` of the rows (M, ...) or fewer, evenly along them."""
+    return rows[:: 1 + len(rows) // most]
+
+
 def _distinct(points: NDArray[np.float64]) -> int:
     """Places that points (M, 3) are at, at least: one number stands for a place."""
     return len(np.unique(points @ MIXED))

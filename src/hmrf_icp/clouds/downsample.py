@@ -10,6 +10,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from hmrf_icp.clouds.cloud import PointCloud
+from hmrf_icp.clouds.grid import beside, lengths, median
 from hmrf_icp.clouds.per_point import Attributes
 from hmrf_icp.clouds.tree import Tree
 from hmrf_icp.stages import stage
@@ -33,9 +34,6 @@ CLOSE = 0.9
 
 FINEST = 1e-15
 """Smallest edge of a cell, as a share of the cloud's longest side: cells are counted in 63 bits."""
-
-GAPS = 20_000
-"""Gaps between neighbours on a grid that are enough to tell how far its rows are apart."""
 
 HIT = 0.25
 """Share of the pixels expected that a thinned image must have; otherwise it is thinned less.
@@ -98,30 +96,17 @@ def _steps(cloud: PointCloud, most: int) -> tuple[int, int]:
     """
     share = len(cloud) / most
     even = math.ceil(math.sqrt(share))
-    apart = None if cloud.camera is not None else steps_apart(cloud.points)
-    if apart is None:
+    if cloud.camera is not None:
         return even, even
+    rows, columns = (median(lengths(far - near)) for near, far in beside(cloud.points))
+    if min(rows, columns) == 0.0:
+        return even, even  # none are beside each other, or they coincide
 
     def uneven(steps: tuple[int, int]) -> float:
-        return abs(math.log(steps[0] * apart[0] / (steps[1] * apart[1])))
+        return abs(math.log(steps[0] * rows / (steps[1] * columns)))
 
     pairs = [(down, math.ceil(share / down)) for down in range(1, math.ceil(share) + 1)]
     return min(pairs, key=uneven)
-
-
-def steps_apart(points: Array) -> tuple[float, float] | None:
-    """How far neighbours in a column and in a row of a grid (H, W, 3) are apart, medians, metres.
-
-    None where there are no two beside each other, or they coincide.
-    """
-    found = []
-    for one, other in ((points[:-1], points[1:]), (points[:, :-1], points[:, 1:])):
-        step = 1 + one[..., 0].size // GAPS
-        gap = other.reshape(-1, 3)[::step] - one.reshape(-1, 3)[::step]
-        length = np.sqrt(np.einsum("ij,ij->i", gap, gap))
-        length = length[np.isfinite(length)]
-        found.append(float(np.median(length)) if length.size else 0.0)
-    return (found[0], found[1]) if min(found) > 0.0 else None
 
 
 def _of_blocks(cloud: PointCloud, few: PointCloud, down: int, across: int) -> NDArray[np.intp]:
@@ -140,7 +125,7 @@ def _of_blocks(cloud: PointCloud, few: PointCloud, down: int, across: int) -> ND
 def _one_a_cell(cloud: PointCloud, most: int) -> Downsampled:
     points = cloud.observed_points
     owner = np.empty(len(points), np.int32)
-    rows = _few_rows(Cells(points), points, most, owner)[0]
+    rows, _ = _few_rows(points, most, owner)
     held = cloud.attributes
     beside = held.at(cloud.observed, rows) if isinstance(held, Attributes) and held else None
     few = cloud.derived(points[rows], cloud.viewpoint, beside)
@@ -199,17 +184,18 @@ class Cells:
 
 
 def _few_rows(
-    cells: Cells, points: Array, most: int, owner: NDArray[np.int32]
+    points: Array, most: int, owner: NDArray[np.int32]
 ) -> tuple[NDArray[np.int64], float]:
     """Rows of about ``most`` points and no more, one a cell, and the edge of the cells, metres.
 
     ``owner`` (M,) is written to as :meth:`Cells.first` has it.
     """
+    cells = Cells(points)
     if len(points) > 2 * SAMPLED * most:
         # Some cells have none of the sample.
         sample = np.ascontiguousarray(points[:: len(points) // (SAMPLED * most)])
         fewer = math.ceil(SEEN * most)
-        _, found = _few_rows(Cells(sample), sample, fewer, np.empty(0, np.int32))
+        _, found = _few_rows(sample, fewer, np.empty(0, np.int32))
     else:
         found = cells.side / math.sqrt(most)
     low, high = 0.0, cells.side

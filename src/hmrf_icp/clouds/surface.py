@@ -9,8 +9,9 @@ from functools import cached_property
 import numpy as np
 from numpy.typing import NDArray
 
-from hmrf_icp.clouds.cloud import PointCloud
+from hmrf_icp.clouds.cloud import PointCloud, at_most
 from hmrf_icp.clouds.downsample import thinned
+from hmrf_icp.clouds.grid import beside, lengths, median
 from hmrf_icp.clouds.tree import Tree
 from hmrf_icp.errors import InputError
 from hmrf_icp.stages import stage
@@ -41,9 +42,6 @@ An image with few pixels left has neighbours farther away than its windows reach
 
 SPACED = 2500
 """Points whose nearest neighbour is looked for to tell how far apart a cloud's points are."""
-
-PAIRS = 20_000
-"""Pairs of neighbours on a grid that are enough to tell how far apart rows and columns are."""
 
 UNEVEN = 2
 """Times farther apart rows may be than columns, or these than those, for a window of the grid.
@@ -212,7 +210,7 @@ def _organised(
     return Surface(
         points=points,
         normals=normals.reshape(-1, 3).take(seen, axis=0),
-        noise=_noise(_length(points - viewpoint), residual, np.sqrt(areas)),
+        noise=_noise(lengths(points - viewpoint), residual, np.sqrt(areas)),
         area=areas,
         oriented=cloud.viewpoint is not None,
         support=np.full(len(seen), (2.0 * WINDOW + 1.0) ** 2),
@@ -228,40 +226,23 @@ def _grid(points: Array, viewpoint: Array) -> tuple[Array, NDArray[np.int64]]:
     The rings of a spinning LiDAR are farther apart than the points along them: a window of as many
     points each way would be a line. A camera's pixels are as far apart one way as the other.
     """
-    # Of the pairs of neighbours some that are spread over the grid tell as much as all.
-    pairs = [(points[:-1], points[1:]), (points[:, :-1], points[:, 1:])]
-    ends = [[_some(end.reshape(-1, 3)) - viewpoint for end in pair] for pair in pairs]
+    ends = [(near - viewpoint, far - viewpoint) for near, far in beside(points)]
     stride = np.ones(2, dtype=np.int64)
-    between = [_median(_length(_unit(far) - _unit(near))) for near, far in ends]
+    between = [median(lengths(_unit(far) - _unit(near))) for near, far in ends]
     if min(between) > 0.0:
         stride = np.maximum(1, np.round(max(between) / np.array(between))).astype(np.int64)
     if stride.max() > 1:
         return np.array(between), stride
     with np.errstate(invalid="ignore", divide="ignore"):
-        both = np.concatenate([_length(far - near) / _length(far) for near, far in ends])
-    middle = _median(both[both > 0.0])  # neighbours that coincide are no step
+        both = np.concatenate([lengths(far - near) / lengths(far) for near, far in ends])
+    middle = median(both[both > 0.0])  # neighbours that coincide are no step
     return np.array([middle, middle]) if middle > 0.0 else np.ones(2), stride
-
-
-def _some(rows: Array) -> Array:
-    return rows[:: 1 + len(rows) // PAIRS]
-
-
-def _length(vectors: Array) -> Array:
-    """Length (M,) of vectors (M, 3); ``norm`` along the rows takes three times as long."""
-    return np.asarray(np.sqrt(np.einsum("ij,ij->i", vectors, vectors)))
 
 
 def _unit(vectors: Array) -> Array:
     """Make vectors (M, 3) of length 1; NaN for none: a point at the viewpoint is at no angle."""
-    length = _length(vectors)
+    length = lengths(vectors)
     return np.asarray(vectors / np.where(length > 0.0, length, np.nan)[:, None])
-
-
-def _median(values: Array) -> float:
-    """Median of those that are finite, 0 of none."""
-    known = values[np.isfinite(values)]
-    return float(np.median(known)) if known.size else 0.0
 
 
 def _positive(area: Array) -> Array:
@@ -330,7 +311,7 @@ def _spread_out(points: Array, tree: Tree) -> tuple[NDArray[np.int64], Tree]:
     rows = thinned(points, 0.0)
     if len(rows) < len(points):
         points, tree = points[rows], Tree(points[rows])
-    asked = points[:: 1 + len(points) // SPACED]
+    asked = at_most(points, SPACED)
     nearest, _ = tree.query(np.ascontiguousarray(asked), k=min(2, len(points)))
     usual = float(np.median(nearest.reshape(len(asked), -1)[:, -1]))
     apart = thinned(points, THINNING * usual)
@@ -349,8 +330,7 @@ def _noise(reach: Array, residual: Array, spacing: Array) -> Array:
     good = np.isfinite(residual) & (reach > 0)
     if np.count_nonzero(good) < 64:
         return np.full(len(reach), floor)
-    rows = np.flatnonzero(good)
-    rows = rows[:: 1 + len(rows) // FITTED]
+    rows = at_most(np.flatnonzero(good), FITTED)
     near, left_over = reach[rows], residual[rows]
     groups = np.array_split(np.argsort(near, kind="stable"), 8)
     at = np.log([np.median(near[group]) for group in groups])
