@@ -301,10 +301,7 @@ def free_motions(loop: LoopResult, target: PreparedCloud) -> tuple[FreeMotion, .
 
 def mixed_up(source: PreparedCloud, target: PreparedCloud) -> tuple[float, float] | None:
     """Sizes of both where one is a hundred times the other or more; None elsewhere."""
-    one, other = (
-        float(np.median(np.linalg.norm(points - np.median(points, axis=0), axis=1)))
-        for points in (source.cloud.some(), target.cloud.some())
-    )
+    one, other = source.spread, target.spread
     return (one, other) if max(one, other) > UNIT_MIX_UP * min(one, other) else None
 
 

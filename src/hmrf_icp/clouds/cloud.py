@@ -392,6 +392,12 @@ def some_of(rows: NDArray[Number], count: int = SAMPLE) -> NDArray[Number]:
     return rows[:: max(1, len(rows) // count)]
 
 
+def middle_and_spread(points: NDArray[np.float64]) -> tuple[NDArray[np.float64], float]:
+    """Median (3,) of points (M, 3), and their median distance from it, metres."""
+    middle = np.asarray(np.median(points, axis=0))
+    return middle, float(np.median(np.linalg.norm(points - middle, axis=1)))
+
+
 def at_most(rows: NDArray[Number], most: int) -> NDArray[Number]:
     """Choose ``most`` of the rows (M, ...) or fewer, evenly along them."""
     return rows[:: 1 + len(rows) // most]

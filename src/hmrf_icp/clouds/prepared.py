@@ -17,7 +17,14 @@ from numpy.typing import ArrayLike, NDArray
 
 from hmrf_icp.clouds.assumed_viewpoint import POINTS
 from hmrf_icp.clouds.closest_table import ClosestTable
-from hmrf_icp.clouds.cloud import PointCloud, PointCloudLike, as_cloud, require_registrable, some_of
+from hmrf_icp.clouds.cloud import (
+    PointCloud,
+    PointCloudLike,
+    as_cloud,
+    middle_and_spread,
+    require_registrable,
+    some_of,
+)
 from hmrf_icp.clouds.downsample import Downsampled, downsample
 from hmrf_icp.clouds.range_image import RangeImage, range_image
 from hmrf_icp.clouds.sensor_view import SensorView, find_view, given_view
@@ -111,6 +118,11 @@ class PreparedCloud:
     def centroid(self) -> Array:
         """(3,) mean of the observed points, of some that are spread evenly over many; metres."""
         return np.asarray(self.cloud.some().mean(axis=0))
+
+    @cached_property
+    def spread(self) -> float:
+        """Median distance of the observed points from their middle, of some of them; metres."""
+        return middle_and_spread(self.cloud.some())[1]
 
     @cached_property
     def tree(self) -> Tree:
@@ -274,9 +286,7 @@ def prepare(
     elif viewpoint is not None and given.viewpoint is None:
         given = replace(given, viewpoint=np.array(viewpoint, dtype=np.float64))
     require_registrable(given, name)
-    some = given.some()
-    centre = np.median(some, axis=0)
-    size = float(np.median(np.linalg.norm(some - centre, axis=1)))
+    centre, size = middle_and_spread(given.some())
     if given.camera is not None or np.linalg.norm(centre) <= FAR * size:
         return PreparedCloud(given, look=look)
     # A round number keeps the digits that coordinates of few decimals have.
