@@ -19,16 +19,24 @@ from hmrf_icp.cli.inputs import (
     seen_from,
 )
 from hmrf_icp.cli.loudness import Quiet, Verbose, say
+from hmrf_icp.cli.options import (
+    CLOUDS,
+    DEPTH,
+    METHOD,
+    Colour,
+    IntrinsicsGiven,
+    MinConfidence,
+    Preset,
+    SourceConfidence,
+    TargetConfidence,
+    method_named,
+)
 from hmrf_icp.errors import InputError
 
 if TYPE_CHECKING:
     from hmrf_icp.registration import Where
 
 _FILM = "Film"
-_DEPTH = "Depth maps"
-_SURE = "Confidence of depths"
-_CLOUDS = "Clouds"
-_METHOD = "Method"
 
 
 def animate(
@@ -81,51 +89,27 @@ def animate(
         Path | None,
         typer.Option(
             metavar="FILE",
-            rich_help_panel=_DEPTH,
+            rich_help_panel=DEPTH,
             help="Intrinsics: a 3x3 matrix, Open3D's, RealSense's, Azure's or ROS's file.",
         ),
     ] = None,
-    intrinsics: Annotated[
-        str | None,
-        typer.Option(
-            metavar="FX,FY,CX,CY", rich_help_panel=_DEPTH, help="The same, given here, in pixels."
-        ),
-    ] = None,
+    intrinsics: IntrinsicsGiven = None,
     depth_scale: Annotated[
         float | None,
-        typer.Option(metavar="UNITS", rich_help_panel=_DEPTH, help="Units per metre."),
+        typer.Option(metavar="UNITS", rich_help_panel=DEPTH, help="Units per metre."),
     ] = None,
     max_depth: Annotated[
         float | None,
-        typer.Option(metavar="M", rich_help_panel=_DEPTH, help="Leave out depths beyond."),
+        typer.Option(metavar="M", rich_help_panel=DEPTH, help="Leave out depths beyond."),
     ] = None,
-    source_confidence: Annotated[
-        Path | None,
-        typer.Option(
-            metavar="FILE",
-            rich_help_panel=_SURE,
-            help="How sure each pixel of SOURCE is, as ARKit writes it: an image of its size.",
-        ),
-    ] = None,
-    target_confidence: Annotated[
-        Path | None,
-        typer.Option(
-            metavar="FILE", rich_help_panel=_SURE, help="The same for the pixels of TARGET."
-        ),
-    ] = None,
-    min_confidence: Annotated[
-        float,
-        typer.Option(
-            metavar="LEVEL",
-            rich_help_panel=_SURE,
-            help="Leave out depths that are less sure: 1 is ARKit's medium, 2 its high.",
-        ),
-    ] = 1,
+    source_confidence: SourceConfidence = None,
+    target_confidence: TargetConfidence = None,
+    min_confidence: MinConfidence = 1,
     samples: Annotated[
         int | None,
         typer.Option(
             metavar="N",
-            rich_help_panel=_CLOUDS,
+            rich_help_panel=CLOUDS,
             help="Points spread over a mesh; 0 takes its vertices.",
         ),
     ] = None,
@@ -133,34 +117,26 @@ def animate(
         str | None,
         typer.Option(
             metavar="X,Y,Z|auto|none",
-            rich_help_panel=_CLOUDS,
+            rich_help_panel=CLOUDS,
             help="Where the sensor stood, as for hmrf-icp register.",
         ),
     ] = None,
     init: Annotated[
         Path | None,
-        typer.Option(metavar="POSE.txt", rich_help_panel=_METHOD, help="Where to start."),
+        typer.Option(metavar="POSE.txt", rich_help_panel=METHOD, help="Where to start."),
     ] = None,
     search: Annotated[
         str,
         typer.Option(
-            metavar="WHERE", rich_help_panel=_METHOD, help="Where to look: near, everywhere, auto."
+            metavar="WHERE", rich_help_panel=METHOD, help="Where to look: near, everywhere, auto."
         ),
     ] = "auto",
-    preset: Annotated[
-        str,
-        typer.Option(
-            metavar="NAME",
-            rich_help_panel=_METHOD,
-            autocompletion=completion.words(presets.names()),
-            help=f"One of: {', '.join(presets.names())}.",
-        ),
-    ] = presets.DEFAULT,
+    preset: Preset = presets.DEFAULT,
     rejector: Annotated[
         str | None,
         typer.Option(
             metavar="NAME",
-            rich_help_panel=_METHOD,
+            rich_help_panel=METHOD,
             autocompletion=completion.words(presets.rejector_names()),
             help=f"Another rejection rule: {', '.join(presets.rejector_names())}.",
         ),
@@ -169,15 +145,12 @@ def animate(
         str | None,
         typer.Option(
             metavar="NAME",
-            rich_help_panel=_METHOD,
+            rich_help_panel=METHOD,
             autocompletion=completion.words(presets.aligner_names()),
             help=f"Another metric: {', '.join(presets.aligner_names())}.",
         ),
     ] = None,
-    colour: Annotated[
-        bool,
-        typer.Option("--colour", rich_help_panel=_METHOD, help="Go by colours or intensities too."),
-    ] = False,
+    colour: Colour = False,
     quiet: Quiet = False,  # noqa: ARG001
     verbose: Verbose = False,
 ) -> None:
@@ -259,9 +232,7 @@ def animate(
             seconds=seconds,
             dark=dark,
             names=(source.name, target.name),
-            method=" with ".join(
-                name for name in (preset, rejector, aligner, "colour" if colour else None) if name
-            ),
+            method=method_named(preset, rejector, aligner, colour),
             on_progress=lambda done, total: bar.show("Drawing", done, total),
         )
     say(summary(result, source.name, target.name, [output]))

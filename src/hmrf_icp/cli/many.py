@@ -17,6 +17,7 @@ import typer
 from hmrf_icp.cli.evaluation_bar import EvaluationBar
 from hmrf_icp.cli.ledger import BELIEVED, DOUBTFUL, FAILED, Ledger, Row, key, row_of, settings_text
 from hmrf_icp.cli.loudness import is_verbose, note, say
+from hmrf_icp.cli.options import method_named
 from hmrf_icp.cli.outputs import FIGURE_SUFFIXES, Outputs
 from hmrf_icp.cli.pair_table import names_of, pair_table
 from hmrf_icp.cli.pairs import Pair, stems
@@ -164,7 +165,7 @@ class Many:
             result,
             start,
             (pair.source.name, pair.target.name),
-            " with ".join(str(name) for name in self._chosen.values() if name),
+            method_named(**self._chosen, colour=bool(self.settings.get("colour"))),
         )
         if self.as_json:
             typer.echo(json_text(result, self._named(pair)))

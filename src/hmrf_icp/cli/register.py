@@ -19,6 +19,18 @@ from hmrf_icp.cli.inputs import (
     seen_from,
 )
 from hmrf_icp.cli.loudness import Quiet, Verbose, note, say
+from hmrf_icp.cli.options import (
+    CLOUDS,
+    DEPTH,
+    METHOD,
+    Colour,
+    IntrinsicsGiven,
+    MinConfidence,
+    Preset,
+    SourceConfidence,
+    TargetConfidence,
+    method_named,
+)
 from hmrf_icp.cli.pairs import Pair, asked_for
 from hmrf_icp.errors import InputError
 
@@ -28,11 +40,7 @@ if TYPE_CHECKING:
     from hmrf_icp.result import RegistrationResult
     from hmrf_icp.view.story import Story
 
-_DEPTH = "Depth maps"
-_SURE = "Confidence of depths"
-_CLOUDS = "Clouds"
 _MANY = "Many pairs"
-_METHOD = "Method"
 _OUTPUT = "Output"
 
 
@@ -74,23 +82,18 @@ def register(
         Path | None,
         typer.Option(
             metavar="FILE",
-            rich_help_panel=_DEPTH,
+            rich_help_panel=DEPTH,
             help="Intrinsics of the depth maps: a 3x3 matrix as text, the JSON of Open3D, of "
             "RealSense or of an Azure Kinect's calibration, or ROS's camera_info in YAML. What "
             "the lens distorts is undistorted.",
         ),
     ] = None,
-    intrinsics: Annotated[
-        str | None,
-        typer.Option(
-            metavar="FX,FY,CX,CY", rich_help_panel=_DEPTH, help="The same, given here, in pixels."
-        ),
-    ] = None,
+    intrinsics: IntrinsicsGiven = None,
     depth_scale: Annotated[
         float | None,
         typer.Option(
             metavar="UNITS",
-            rich_help_panel=_DEPTH,
+            rich_help_panel=DEPTH,
             help="Units of the depth maps per metre: 1000 for integers and 1 for floating point, "
             "unless given.",
         ),
@@ -99,37 +102,18 @@ def register(
         float | None,
         typer.Option(
             metavar="M",
-            rich_help_panel=_DEPTH,
+            rich_help_panel=DEPTH,
             help="Leave out depths beyond this many metres.",
         ),
     ] = None,
-    source_confidence: Annotated[
-        Path | None,
-        typer.Option(
-            metavar="FILE",
-            rich_help_panel=_SURE,
-            help="How sure each pixel of SOURCE is, as ARKit writes it: an image of its size.",
-        ),
-    ] = None,
-    target_confidence: Annotated[
-        Path | None,
-        typer.Option(
-            metavar="FILE", rich_help_panel=_SURE, help="The same for the pixels of TARGET."
-        ),
-    ] = None,
-    min_confidence: Annotated[
-        float,
-        typer.Option(
-            metavar="LEVEL",
-            rich_help_panel=_SURE,
-            help="Leave out depths that are less sure: 1 is ARKit's medium, 2 its high.",
-        ),
-    ] = 1,
+    source_confidence: SourceConfidence = None,
+    target_confidence: TargetConfidence = None,
+    min_confidence: MinConfidence = 1,
     samples: Annotated[
         int | None,
         typer.Option(
             metavar="N",
-            rich_help_panel=_CLOUDS,
+            rich_help_panel=CLOUDS,
             help="Points to spread over the surface of a mesh; 0 takes its vertices. Without, "
             "those are taken if they are many and evenly spread, and 100,000 points otherwise.",
         ),
@@ -138,7 +122,7 @@ def register(
         str | None,
         typer.Option(
             metavar="X,Y,Z|auto|none",
-            rich_help_panel=_CLOUDS,
+            rich_help_panel=CLOUDS,
             help="Where the sensor stood, in the frame of each cloud, metres: 0,0,0 for LiDAR "
             "scans in the sensor's own frame. Holds for SOURCE and TARGET, whatever their files "
             "say; depth maps need none. auto, which is the default, finds it out from the "
@@ -149,7 +133,7 @@ def register(
         Path | None,
         typer.Option(
             metavar="POSE.txt",
-            rich_help_panel=_METHOD,
+            rich_help_panel=METHOD,
             help="Where to start: a 4x4 matrix as text, source to target, metres. Without, "
             "nothing is known, and the pose is looked for everywhere.",
         ),
@@ -158,26 +142,18 @@ def register(
         str,
         typer.Option(
             metavar="WHERE",
-            rich_help_panel=_METHOD,
+            rich_help_panel=METHOD,
             autocompletion=completion.words(("auto", "near", "everywhere")),
             help="Where to look: near the start, everywhere, or auto: near a start that is given "
             "and everywhere without.",
         ),
     ] = "auto",
-    preset: Annotated[
-        str,
-        typer.Option(
-            metavar="NAME",
-            rich_help_panel=_METHOD,
-            autocompletion=completion.words(presets.names()),
-            help=f"One of: {', '.join(presets.names())}.",
-        ),
-    ] = presets.DEFAULT,
+    preset: Preset = presets.DEFAULT,
     rejector: Annotated[
         str | None,
         typer.Option(
             metavar="NAME",
-            rich_help_panel=_METHOD,
+            rich_help_panel=METHOD,
             autocompletion=completion.words(presets.rejector_names()),
             help="Another rule than the preset's own for which points have a counterpart, one of: "
             f"{', '.join(presets.rejector_names())}.",
@@ -187,21 +163,18 @@ def register(
         str | None,
         typer.Option(
             metavar="NAME",
-            rich_help_panel=_METHOD,
+            rich_help_panel=METHOD,
             autocompletion=completion.words(presets.aligner_names()),
             help="Another measure than the preset's own of how far matched points are apart, "
             f"one of: {', '.join(presets.aligner_names())}.",
         ),
     ] = None,
-    colour: Annotated[
-        bool,
-        typer.Option("--colour", rich_help_panel=_METHOD, help="Go by colours or intensities too."),
-    ] = False,
+    colour: Colour = False,
     num_threads: Annotated[
         int | None,
         typer.Option(
             metavar="N",
-            rich_help_panel=_METHOD,
+            rich_help_panel=METHOD,
             help="Threads to use; all cores that the process may use where it is not given. The "
             "result is the same with any number.",
         ),
@@ -395,8 +368,7 @@ def register(
                     on_iteration=recording,
                 )
             bar.stage("Writing")
-            evidence = "colour" if colour else None
-            called = " with ".join(name for name in (preset, rejector, aligner, evidence) if name)
+            called = method_named(preset, rejector, aligner, colour)
             names = source.name, target.name
             if view or html or rrd:
                 told = story(result, start, recording, names=names)
