@@ -7,7 +7,7 @@ from functools import partial
 
 import numpy as np
 import pytest
-from hypothesis import given, settings
+from hypothesis import example, given, settings
 from hypothesis import strategies as st
 from scipy.spatial import cKDTree
 
@@ -208,20 +208,6 @@ def test_nearest_neighbours_with_tolerance_are_almost_the_nearest(tolerance):
     assert (loose.distance > exact.distance).any()
 
 
-def test_matches_that_are_kept_stay_within_the_tolerance():
-    """Steps as of a registration, large at first, small, and large again."""
-    rng = np.random.default_rng(0)
-    target, points = rng.uniform(size=(2, 800, 3))
-    source, target = both(PointCloud(points), PointCloud(target))
-    loose = NearestNeighbour(tolerance=0.3).prepare(source, target)
-    exact = NearestNeighbour().prepare(source, target)
-    pose = np.eye(4)
-    for step in (0.1, 0.03, 0.01, 0.003, 0.001, 0.05):
-        pose = se3.exp(step * rng.standard_normal(6)) @ pose
-        placed = Placed.at(pose, points)
-        assert (loose(placed).distance <= 1.3 * exact(placed).distance + 1e-12).all()
-
-
 @pytest.mark.parametrize("tolerance", [-0.1, np.nan, np.inf])
 def test_tolerance_is_a_share(tolerance):
     with pytest.raises(hmrf_icp.InputError, match="tolerance"):
@@ -231,12 +217,14 @@ def test_tolerance_is_a_share(tolerance):
 @given(
     seed=st.integers(0, 1000),
     steps=st.lists(st.floats(1e-6, 0.3), min_size=1, max_size=6),
-    tolerance=st.sampled_from([0.02, 0.1, 0.5]),
+    tolerance=st.sampled_from([0.02, 0.1, 0.3, 0.5]),
 )
+# As a registration steps: far at first, less and less, and far again.
+@example(seed=0, steps=[0.1, 0.03, 0.01, 0.003, 0.001, 0.05], tolerance=0.3)
 @settings(max_examples=25, deadline=None)
 def test_matches_kept_from_one_pose_to_the_next_are_as_close_as_new_ones(seed, steps, tolerance):
     rng = np.random.default_rng(seed)
-    source, target = (PreparedCloud(PointCloud(rng.normal(size=(60, 3)))) for _ in range(2))
+    source, target = (PreparedCloud(PointCloud(rng.normal(size=(800, 3)))) for _ in range(2))
     kept = NearestNeighbour(tolerance=tolerance).prepare(source, target)
     exact = NearestNeighbour().prepare(source, target)
     placed = Placed(source.points, np.eye(4))

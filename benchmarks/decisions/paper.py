@@ -303,6 +303,6 @@ DECISIONS = (
         "kernels/kept.py",
         "        bound[i] -= math.sqrt(a * a + b * b + c * c)\n",
         "",
-        ("test_parts.py::test_matches_that_are_kept_stay_within_the_tolerance",),
+        ("test_parts.py::test_matches_kept_from_one_pose_to_the_next_are_as_close_as_new_ones",),
     ),
 )

@@ -7,7 +7,8 @@ import pytest
 
 from hmrf_icp import PointCloud, read_cloud, write_cloud
 
-NAMES = ("points", "time:offset", "1", "nan", "", "\n", "end_header", "a,b", "\ud800", "=1+1", "é")
+NAMES = ("points", "time:offset", ":", "1", "nan", "", "\n", "end_header", "a,b", "\ud800", "=1+1")
+NAMES += ("with space", "é", "x" * 60, "a=b", "a\\b")
 
 
 @pytest.mark.parametrize("name", NAMES)
