@@ -146,3 +146,15 @@ def test_what_no_pinhole_saw_has_no_camera(points: NDArray[np.float64]) -> None:
 def test_a_plane_that_faces_the_camera_is_no_evidence() -> None:
     flat = CAMERA.unproject(np.full((90, 120), 2.0))
     assert recovered_camera(flat) is None
+
+
+@pytest.mark.parametrize("away", [0, 1, 3, 1000])
+@pytest.mark.parametrize("axes", [(0, 1, 2), (2, 0, 1), (1, 2, 0)])
+@pytest.mark.parametrize("shape", [(8, 8), (12, 20), (21, 15)])
+@pytest.mark.filterwarnings("error")
+def test_a_flat_grid_anywhere_has_no_camera_and_divides_by_nothing(
+    shape: tuple[int, int], axes: tuple[int, int, int], away: float
+) -> None:
+    v, u = np.mgrid[: shape[0], : shape[1]].astype(float)
+    flat = np.stack([u / 10 - shape[1] / 20, v / 10 - shape[0] / 20, np.ones(shape)], axis=-1)
+    assert recovered_camera(flat[..., list(axes)] + away) is None

@@ -175,8 +175,15 @@ def _rounding(points: Array) -> float:
 def _off(projection: Array, pixels: Array, points: Array) -> tuple[Array, Array]:
     """How far each pixel is from where its point is projected, and the depth of the point."""
     seen = points @ projection[:, :3].T + projection[:, 3]
-    depth = seen[:, 2]
-    return np.hypot(*(seen[:, :2] / depth[:, None] - pixels).T), depth
+    return np.hypot(*(_divided(seen) - pixels).T), seen[:, 2]
+
+
+def _divided(seen: Array) -> Array:
+    """Pixels (n, 2) of homogeneous ones (n, 3): infinite where the depth is zero."""
+    pixels = np.full((len(seen), 2), np.inf)
+    with np.errstate(over="ignore"):
+        np.divide(seen[:, :2], seen[:, 2:], out=pixels, where=seen[:, 2:] != 0.0)
+    return pixels
 
 
 def _in_its_frame(pixels: Array, points: Array) -> Array | None:
@@ -247,11 +254,14 @@ def _moved(pixels: Array, points: Array) -> Array | None:
         seen = x @ p.T
         if np.median(seen[:, 2]) < 0.0:
             p, seen = -p, -seen
-        depth = np.maximum(seen[:, 2], 1e-6 * np.abs(seen[:, 2]).max())
-        keep = _close(np.hypot(*(seen[:, :2] / depth[:, None] - uv).T))
+        seen[:, 2] = np.maximum(seen[:, 2], 1e-6 * np.abs(seen[:, 2]).max())
+        if not seen[:, 2].all():
+            # The camera's plane holds all points: a plane whose pixels say nothing of a camera.
+            return None
+        keep = _close(np.hypot(*(_divided(seen) - uv).T))
         # Divided by the depth, an equation's error is the pixel's.
-        weight = 1.0 / depth
-    if np.median(np.hypot(*(seen[:, :2] / depth[:, None] - uv).T)) * span > NEAR:
+        weight = 1.0 / seen[:, 2]
+    if np.median(np.hypot(*(_divided(seen) - uv).T)) * span > NEAR:
         return None
     undo = np.eye(4)
     undo[:3, :3] /= scale
@@ -285,7 +295,7 @@ def _without_skew(projection: Array, pixels: Array, points: Array) -> Array | No
 
     def off(x: Array) -> Array:
         seen = points @ of(x)[:, :3].T + of(x)[:, 3]
-        return np.asarray((seen[:, :2] / seen[:, 2:] - pixels).ravel())
+        return np.asarray((_divided(seen) - pixels).ravel())
 
     first = np.concatenate([[k[0, 0], k[1, 1], k[0, 2], k[1, 2]] / np.float64(focal), np.zeros(6)])
     try:
