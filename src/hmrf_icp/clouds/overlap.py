@@ -52,7 +52,7 @@ def overlap(source: PreparedCloud, target: PreparedCloud, pose: Array) -> float:
     -------
     In [0, 1]: a share of area, not of points.
     """
-    source, target = source.downsampled(DETAIL), target.downsampled(DETAIL)
+    source, target = (cloud.viewed.downsampled(DETAIL) for cloud in (source, target))
     surface, onto = source.surface, target.surface
     rows = evenly(surface, ASKED)
     if not len(rows):
