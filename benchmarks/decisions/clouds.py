@@ -423,10 +423,10 @@ DECISIONS = (
     ),
     Decision(
         "overlap of a list looks at its points alone",
-        "overlap is that of the surfaces as they were seen",
+        "overlap of two lists of depth maps is that of the depth maps",
         "clouds/overlap.py",
-        "(cloud.viewed.downsampled(DETAIL) for",
-        "(cloud.downsampled(DETAIL) for",
+        "if all(one.cloud.organised for one in seen):",
+        "if False:",
         IMAGE,
     ),
 )
