@@ -178,7 +178,7 @@ class PreparedCloud:
         # Derived: what is observed stays so, since labels are asked of the cloud as given.
         place = np.zeros(3) if seen.camera is not None else np.array(seen.place)
         cloud = self.cloud.derived(
-            self.cloud.points, place, self.cloud.attributes, camera=seen.camera
+            self.cloud.points, place, self.cloud.attributes, seen.camera, self.cloud.normals
         )
         return PreparedCloud(cloud, self.origin, seen.view)
 
@@ -293,6 +293,5 @@ def prepare(
     unit = 10.0 ** math.floor(math.log10(size)) if size > 0.0 else 1.0
     origin = np.round(centre / unit) * unit
     stood = None if given.viewpoint is None else given.viewpoint - origin
-    return PreparedCloud(
-        given.derived(given.points - origin, stood, given.attributes), origin, look=look
-    )
+    cloud = given.derived(given.points - origin, stood, given.attributes, normals=given.normals)
+    return PreparedCloud(cloud, origin, look=look)
