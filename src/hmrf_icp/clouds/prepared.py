@@ -26,6 +26,8 @@ from hmrf_icp.clouds.cloud import (
     some_of,
 )
 from hmrf_icp.clouds.downsample import Downsampled, downsample
+from hmrf_icp.clouds.given_normals import POINTS as SIDES
+from hmrf_icp.clouds.given_normals import Sides, facing, sides
 from hmrf_icp.clouds.range_image import RangeImage, range_image
 from hmrf_icp.clouds.sensor_view import SensorView, find_view, given_view
 from hmrf_icp.clouds.shading import Shading, shading
@@ -133,7 +135,15 @@ class PreparedCloud:
     def surface(self) -> Surface:
         """Normals, noise and areas of the observed points."""
         fitted = surface(self.cloud, lambda: self.tree)
+        if self.seen_from.sides:
+            return facing(fitted, self._given_normals)
         return replace(fitted, oriented=False) if self.seen_from.kind == "assumed" else fitted
+
+    @property
+    def _given_normals(self) -> Array:
+        """(M, 3) the normals that the observed points came with, NaN where they have none."""
+        given = self.cloud.normals
+        return np.full((len(self), 3), np.nan) if given is None else given[self.cloud.observed]
 
     @cached_property
     def shading(self) -> Shading:
@@ -181,6 +191,23 @@ class PreparedCloud:
             self.cloud.points, place, self.cloud.attributes, seen.camera, self.cloud.normals
         )
         return PreparedCloud(cloud, self.origin, seen.view)
+
+    @cached_property
+    def sides(self) -> Sides | None:
+        """What the normals that it came with tell of the side seen; None where it has none."""
+        if self.cloud.normals is None:
+            return None
+        few = self.downsampled(SIDES)
+        return sides(few.surface, few._given_normals)
+
+    @cached_property
+    def sided(self) -> PreparedCloud:
+        """The cloud with the sides that its normals tell, where nothing else does and they can."""
+        view = self.seen_from
+        if view.known or view.sides or self.sides is None or not self.sides.known:
+            return self
+        text = f"{view.text}; sides by its normals"
+        return PreparedCloud(self.cloud, self.origin, replace(view, text=text, sides=True))
 
     @property
     def seen_from(self) -> SensorView:

@@ -16,6 +16,7 @@ from numpy.typing import NDArray
 
 from hmrf_icp import threads
 from hmrf_icp.clouds.prepared import PreparedCloud
+from hmrf_icp.clouds.sensor_view import SensorView
 from hmrf_icp.loop.align import Aligner
 from hmrf_icp.loop.criteria import StoppingRule
 from hmrf_icp.loop.icp import Iteration, LoopResult, Method
@@ -23,7 +24,7 @@ from hmrf_icp.loop.match import Matches
 from hmrf_icp.loop.placed import Placed
 from hmrf_icp.loop.reject import Labels, Rejector
 from hmrf_icp.search.candidates import Level
-from hmrf_icp.search.search import Search
+from hmrf_icp.search.search import Judged, Search
 from hmrf_icp.search.visibility import Visibility
 from hmrf_icp.search.visible_match import VisibleMatch
 
@@ -101,26 +102,44 @@ class CoarseToFine:
         on_iteration: Callable[[Iteration], None] | None = None,
     ) -> SearchResult:
         """Register; see :func:`hmrf_icp.register`."""
-        source, target = threads.current().map(self._ready, (source, target))
+        found: list[SearchResult] = []
+        source, target = threads.current().map(self.viewed, (source, target))
+        one, other = threads.current().map(sided, (source, target))
+        if one is not None and other is not None and (one is not source or other is not target):
+            found.append(self._searched(one, other, init, near, on_iteration, True))
+            if found[0].confidence >= enough(found[0], near):
+                return found[0]
+        # Sides of a cloud that is turned inside out contradict the right pose: do without.
+        found.append(self._searched(source, target, init, near, on_iteration, False))
+        return max(found, key=lambda result: result.log_posterior)
+
+    def _searched(
+        self,
+        source: PreparedCloud,
+        target: PreparedCloud,
+        init: Array,
+        near: bool,
+        on_iteration: Callable[[Iteration], None] | None,
+        by_normals: bool,
+    ) -> SearchResult:
+        threads.current().map(self._ready, (source, target))
         search = Search(self, source, target, init, near, on_iteration)
         end = search.from_start()
-        enough = CONVINCED_NEAR_UNSEEN if near else CONVINCED_UNSEEN
-        enough = CONVINCED if end.visibility.views else enough
         if end.confidence < CONVINCED_AT_ONCE:
             for more in search.farther():
-                if search.among(more).confidence >= enough:
+                if search.among(more).confidence >= enough(end, near):
                     break
         end = search.polished(search.no_worse(search.end()))
-        return SearchResult(end.loop, end.visibility, end.confidence, self)
+        return SearchResult(
+            end.loop, end.visibility, end.confidence, end.log_posterior, self, by_normals
+        )
 
-    def _ready(self, cloud: PreparedCloud) -> PreparedCloud:
+    def _ready(self, viewed: PreparedCloud) -> None:
         """Work out what any search needs of a cloud, whatever the other is."""
-        viewed = self.viewed(cloud)
         few = viewed.downsampled(self.points)
         if few.range_image is None:
             few.border  # noqa: B018
         few.tree  # noqa: B018
-        return viewed
 
     def viewed(self, cloud: PreparedCloud) -> PreparedCloud:
         """Return a cloud from a place to look from, where places are assumed."""
@@ -136,6 +155,19 @@ class CoarseToFine:
         return replace(self, method=self.method.with_parts(reject, align, criteria))
 
 
+def sided(cloud: PreparedCloud) -> PreparedCloud | None:
+    """Return a cloud of which it is known which side was seen, by its normals at the last."""
+    cloud = cloud.sided
+    return cloud if cloud.seen_from.known or cloud.seen_from.sides else None
+
+
+def enough(end: Judged | SearchResult, near: bool) -> float:
+    """Confidence from which no further starts are tried."""
+    if end.visibility.views:
+        return CONVINCED
+    return CONVINCED_NEAR_UNSEEN if near else CONVINCED_UNSEEN
+
+
 @dataclass(frozen=True, eq=False)
 class SearchResult:
     """What the search chose.
@@ -149,14 +181,33 @@ class SearchResult:
         What both sensors saw of that pose.
     confidence
         Probability in [0, 1] that it is right.
+    log_posterior
+        Log-odds that it is, by which several are compared.
     plan
         The search.
+    sided
+        Whether it went by the sides that the clouds' normals tell.
     """
 
     loop: LoopResult
     visibility: Visibility
     confidence: float
+    log_posterior: float
     plan: CoarseToFine
+    sided: bool = False
+
+    def seen(self, cloud: PreparedCloud) -> PreparedCloud:
+        """Return one of the clouds as the search saw it."""
+        viewed = self.plan.viewed(cloud)
+        return viewed.sided if self.sided else viewed
+
+    def seen_from(self, cloud: PreparedCloud) -> SensorView:
+        """Say where one of the clouds was seen from, and why its normals were not used."""
+        view, sides = self.seen(cloud).seen_from, self.plan.viewed(cloud).sides
+        if view.known or view.sides or sides is None:
+            return view
+        why = sides.text or "nothing that the other cloud has bears them out"
+        return replace(view, text=f"{view.text}; normals not used: {why}")
 
     def labels(self, source: PreparedCloud, target: PreparedCloud, matches: Matches) -> Labels:
         """Decide once more where the search ended, for every source point.
@@ -170,7 +221,7 @@ class SearchResult:
         matches
             Of all source points under the pose.
         """
-        source, target = self.plan.viewed(source), self.plan.viewed(target)
+        source, target = self.seen(source), self.seen(target)
         method, rows = self.plan.method, source.representatives(self.plan.points)
         if isinstance(method.match, VisibleMatch):
             placed = Placed.at(self.loop.transformation, source.points)
