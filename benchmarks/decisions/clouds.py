@@ -232,8 +232,8 @@ DECISIONS = (
         "an assumed place gives normals a sign",
         "which side was seen is not known from an assumed place",
         "clouds/prepared.py",
-        'replace(fitted, oriented=False) if self.seen_from.kind == "assumed" else fitted',
-        "fitted",
+        'return replace(fitted, oriented=False) if self.seen_from.kind == "assumed" else fitted',
+        "return fitted",
         ("clouds/test_assumed_viewpoint.py", "test_prepared.py"),
     ),
     Decision(

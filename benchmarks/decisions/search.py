@@ -149,7 +149,7 @@ DECISIONS = (
         "nothing convinces",
         "a pose that convinces ends the search",
         "search/coarse_to_fine.py",
-        "if search.among(more).confidence >= enough:",
+        "if search.among(more).confidence >= enough(end, near):",
         "if search.among(more).confidence >= 2.0:",
         (
             "search/test_search_parts.py::test_the_search_goes_on_until_it_is_convinced_and_without_free_space_for_longer",

@@ -69,8 +69,8 @@ DECISIONS = (
         "an assumed place is taken for known",
         "free space is asked only where both viewpoints are known",
         "search/visibility.py",
-        "return NearSurface(source), NearSurface(target), False",
-        "return NearSurface(source), NearSurface(target), True",
+        "return NearSurface(source, sides=sides), NearSurface(target, sides=sides), False",
+        "return NearSurface(source, sides=sides), NearSurface(target, sides=sides), True",
         NEAR,
     ),
     Decision(
@@ -85,8 +85,8 @@ DECISIONS = (
         "without viewpoints a sign is asked of normals",
         "normals that have no sign agree either way",
         "search/visibility.py",
-        "cosine = np.abs((normals * self._surface.normals[row]).sum(axis=1))",
-        "cosine = (normals * self._surface.normals[row]).sum(axis=1)",
+        "cosine = cosine if self._sides else np.abs(cosine)",
+        "cosine = cosine if True else np.abs(cosine)",
         NEAR,
     ),
     Decision(
@@ -101,8 +101,8 @@ DECISIONS = (
         "what is beside a border contradicts",
         "a point beside the border of a surface is no evidence",
         "search/visibility.py",
-        "off = (distance < OFF * self._band[row]) & ~self._border[row]",
-        "off = distance < OFF * self._band[row]",
+        "off = (distance < OFF * self._band[row]) & ~self._border[row] & (cosine > -FACING)",
+        "off = (distance < OFF * self._band[row]) & (cosine > -FACING)",
         NEAR,
     ),
     Decision(

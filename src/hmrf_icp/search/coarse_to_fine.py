@@ -102,16 +102,18 @@ class CoarseToFine:
         on_iteration: Callable[[Iteration], None] | None = None,
     ) -> SearchResult:
         """Register; see :func:`hmrf_icp.register`."""
-        found: list[SearchResult] = []
         source, target = threads.current().map(self.viewed, (source, target))
         one, other = threads.current().map(sided, (source, target))
+        end: Judged | None = None
         if one is not None and other is not None and (one is not source or other is not target):
-            found.append(self._searched(one, other, init, near, on_iteration, True))
-            if found[0].confidence >= enough(found[0], near):
-                return found[0]
+            end = self._searched(one, other, init, near, on_iteration)
+            if end.confidence >= enough(end, near):
+                return SearchResult(end.loop, end.visibility, end.confidence, self, sided=True)
         # Sides of a cloud that is turned inside out contradict the right pose: do without.
-        found.append(self._searched(source, target, init, near, on_iteration, False))
-        return max(found, key=lambda result: result.log_posterior)
+        plain = self._searched(source, target, init, near, on_iteration)
+        if end is not None and end.log_posterior > plain.log_posterior:
+            return SearchResult(end.loop, end.visibility, end.confidence, self, sided=True)
+        return SearchResult(plain.loop, plain.visibility, plain.confidence, self)
 
     def _searched(
         self,
@@ -120,8 +122,7 @@ class CoarseToFine:
         init: Array,
         near: bool,
         on_iteration: Callable[[Iteration], None] | None,
-        by_normals: bool,
-    ) -> SearchResult:
+    ) -> Judged:
         threads.current().map(self._ready, (source, target))
         search = Search(self, source, target, init, near, on_iteration)
         end = search.from_start()
@@ -129,10 +130,7 @@ class CoarseToFine:
             for more in search.farther():
                 if search.among(more).confidence >= enough(end, near):
                     break
-        end = search.polished(search.no_worse(search.end()))
-        return SearchResult(
-            end.loop, end.visibility, end.confidence, end.log_posterior, self, by_normals
-        )
+        return search.polished(search.no_worse(search.end()))
 
     def _ready(self, viewed: PreparedCloud) -> None:
         """Work out what any search needs of a cloud, whatever the other is."""
@@ -161,7 +159,7 @@ def sided(cloud: PreparedCloud) -> PreparedCloud | None:
     return cloud if cloud.seen_from.known or cloud.seen_from.sides else None
 
 
-def enough(end: Judged | SearchResult, near: bool) -> float:
+def enough(end: Judged, near: bool) -> float:
     """Confidence from which no further starts are tried."""
     if end.visibility.views:
         return CONVINCED
@@ -181,8 +179,6 @@ class SearchResult:
         What both sensors saw of that pose.
     confidence
         Probability in [0, 1] that it is right.
-    log_posterior
-        Log-odds that it is, by which several are compared.
     plan
         The search.
     sided
@@ -192,7 +188,6 @@ class SearchResult:
     loop: LoopResult
     visibility: Visibility
     confidence: float
-    log_posterior: float
     plan: CoarseToFine
     sided: bool = False
 
@@ -203,10 +198,13 @@ class SearchResult:
 
     def seen_from(self, cloud: PreparedCloud) -> SensorView:
         """Say where one of the clouds was seen from, and why its normals were not used."""
-        view, sides = self.seen(cloud).seen_from, self.plan.viewed(cloud).sides
-        if view.known or view.sides or sides is None:
+        view = self.seen(cloud).seen_from
+        if view.known or view.sides:
             return view
-        why = sides.text or "nothing that the other cloud has bears them out"
+        sides = self.plan.viewed(cloud).sides
+        if sides is None:
+            return view
+        why = sides.text or "the other cloud has none that bear them out"
         return replace(view, text=f"{view.text}; normals not used: {why}")
 
     def labels(self, source: PreparedCloud, target: PreparedCloud, matches: Matches) -> Labels:

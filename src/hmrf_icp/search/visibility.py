@@ -118,7 +118,8 @@ class NearSurface:
         Deviations of the noise by which a point on the surface may be off it, beside the spacing.
     sides
         Whether it is known which side of the surface was seen, and of the points that are asked:
-        what lies on its back faces another way.
+        what lies on it and faces the opposite way is no part of it, and a little off it may be
+        the other side of a thin thing.
     """
 
     def __init__(self, cloud: PreparedCloud, band: float = BAND, sides: bool = False) -> None:
@@ -141,7 +142,7 @@ class NearSurface:
         cosine = (normals * self._surface.normals[row]).sum(axis=1)
         cosine = cosine if self._sides else np.abs(cosine)
         on = np.where(cosine > FACING, AGREE, OTHER)
-        off = (distance < OFF * self._band[row]) & ~self._border[row]
+        off = (distance < OFF * self._band[row]) & ~self._border[row] & (cosine > -FACING)
         seen = np.where(distance < self._band[row], on, np.where(off, FRONT, OUTSIDE))
         return seen.astype(np.uint8)
 
