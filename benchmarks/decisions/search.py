@@ -409,4 +409,20 @@ DECISIONS = (
             "search/test_search.py::test_a_start_from_which_no_turn_leads_there_is_found_by_the_wider_search",
         ),
     ),
+    Decision(
+        "sides are kept where they do not convince",
+        "where nothing convinces by the sides of normals the search goes on without",
+        "search/coarse_to_fine.py",
+        "            if end.confidence >= enough(end, near):\n",
+        "            if True:\n",
+        ("test_given_normals.py",),
+    ),
+    Decision(
+        "the result forgets that sides were used",
+        "the result looks at the clouds as the search did",
+        "search/coarse_to_fine.py",
+        "return viewed.sided if self.sided else viewed",
+        "return viewed",
+        ("test_given_normals.py",),
+    ),
 )

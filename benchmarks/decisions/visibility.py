@@ -250,4 +250,20 @@ DECISIONS = (
         "    agree = visibility.agree / asked + 0.5\n",
         TOLD,
     ),
+    Decision(
+        "the other side of a board contradicts",
+        "what is a little off a surface and faces the opposite way is no contradiction",
+        "search/visibility.py",
+        " & (cosine > -FACING)",
+        "",
+        ("search/test_near_surface.py",),
+    ),
+    Decision(
+        "sides are not asked",
+        "what lies on a surface and faces the opposite way does not agree with it",
+        "search/visibility.py",
+        "self._sides = sides",
+        "self._sides = False",
+        ("search/test_near_surface.py", "test_given_normals.py"),
+    ),
 )
