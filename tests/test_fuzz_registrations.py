@@ -29,6 +29,14 @@ def test_random_geometry_is_registered_or_refused(fuzz, first):
         assert found["found"] in fuzz.FINE, found
 
 
+@pytest.mark.parametrize(
+    ("seed", "number"),
+    [(0, 7014), (0, 8067), (0, 8610), (1, 3588), (1, 4620), (1, 4949), (2, 7661)],
+)
+def test_geometry_that_once_raised_an_exception_does_not(fuzz, seed, number):
+    assert fuzz.tried(seed, number)["found"] in fuzz.FINE
+
+
 def test_a_run_goes_on_from_where_it_was(fuzz, tmp_path):
     state = tmp_path / "state.json"
     fuzz.run(5, 2, state)

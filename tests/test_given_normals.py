@@ -234,3 +234,11 @@ def test_normals_stay_with_their_points_however_these_are_thinned_or_shifted(org
         named = one.cloud.normals[one.cloud.observed] - shift
         np.testing.assert_allclose(one.points, named, atol=1e-9)
     assert len(cloud.downsampled(200)) <= 200
+
+
+def test_normals_of_a_list_that_is_a_depth_map_are_laid_out_with_it():
+    points = frame(0, noise=0.0).observed_points
+    points = points[rows_of(len(points))]
+    viewed = prepare(PointCloud(points, normals=points)).viewed
+    assert viewed.cloud.organised
+    np.testing.assert_allclose(viewed.cloud.normals, viewed.cloud.points, atol=1e-9)

@@ -10,6 +10,7 @@ RANGE = ("clouds/test_range_image.py", "test_robust.py")
 CAMERA = ("clouds/test_recovered_camera.py",)
 VIEW = ("clouds/test_viewpoint.py",)
 SIDES = ("test_given_normals.py",)
+IMAGE = ("clouds/test_depth_image.py",)
 
 DECISIONS = (
     Decision(
@@ -153,9 +154,9 @@ DECISIONS = (
         "no camera is recovered",
         "an organised cloud tells the camera that saw it",
         "clouds/sensor_view.py",
-        "        if found is not None:\n",
-        "        if False:\n",
-        ("test_verdict.py",),
+        "    found = recovered_camera(points)\n",
+        "    found = None\n",
+        ("test_verdict.py", *IMAGE),
     ),
     Decision(
         "a plane that faces the camera tells where it stood",
@@ -425,8 +426,8 @@ DECISIONS = (
         "an assumed place loses normals",
         "normals stay with a cloud that is looked at from an assumed place",
         "clouds/prepared.py",
-        "seen.camera, self.cloud.normals",
-        "seen.camera",
+        "attributes, seen.camera, normals)",
+        "attributes, seen.camera)",
         SIDES,
     ),
     Decision(
@@ -435,6 +436,86 @@ DECISIONS = (
         "clouds/prepared.py",
         "given.attributes, normals=given.normals)",
         "given.attributes)",
+        SIDES,
+    ),
+    Decision(
+        "a list is never taken for a depth map",
+        "points that stand in the pixels of a camera are its image",
+        "clouds/sensor_view.py",
+        "image = None if cloud.organised else depth_image(points)",
+        "image = None",
+        IMAGE,
+    ),
+    Decision(
+        "labels of a list stay in the order of its image",
+        "what is told of a list's points is told in the list's order",
+        "search/coarse_to_fine.py",
+        "return replace(labels, z=source.as_given(labels.z))",
+        "return labels",
+        IMAGE,
+    ),
+    Decision(
+        "matches of a list are followed in another order",
+        "matches with a list's points are brought into the order of its image",
+        "search/coarse_to_fine.py",
+        "onto = matches.index if target.order is None else target.order[matches.index]",
+        "onto = matches.index",
+        IMAGE,
+    ),
+    Decision(
+        "two points may share a pixel",
+        "a pixel of a depth map holds one point",
+        "clouds/depth_image.py",
+        "if pixels.lay(points, combs, ends[:2], image, place) < len(points):",
+        "if pixels.lay(points, combs, ends[:2], image, place) < 0:",
+        IMAGE,
+    ),
+    Decision(
+        "a point may be anywhere between two rays",
+        "every point of a depth map stands on the ray of a pixel",
+        "clouds/depth_image.py",
+        "OFF = 0.3",
+        "OFF = 0.5",
+        IMAGE,
+    ),
+    Decision(
+        "a few points of an image are one",
+        "a list of which most points have no neighbour in the image is no image",
+        "clouds/depth_image.py",
+        "BESIDE = 0.3",
+        "BESIDE = 0.0",
+        IMAGE,
+    ),
+    Decision(
+        "slopes of every n-th point are looked at",
+        "slopes are of points drawn at random: every n-th one may stand in every n-th column",
+        "clouds/depth_image.py",
+        "points[np.random.default_rng(0).integers(0, len(points), SAMPLE)]",
+        "points[:: len(points) // SAMPLE]",
+        IMAGE,
+    ),
+    Decision(
+        "the finest comb is taken",
+        "of a comb's frequency and its multiples the first is right",
+        "clouds/depth_image.py",
+        "found = _fitted(scaled, float(peaks[0]))",
+        "found = _fitted(scaled, float(peaks[-1]))",
+        IMAGE,
+    ),
+    Decision(
+        "overlap of a list looks at its points alone",
+        "overlap of two lists of depth maps is that of the depth maps",
+        "clouds/overlap.py",
+        "if all(one.cloud.organised for one in seen):",
+        "if False:",
+        IMAGE,
+    ),
+    Decision(
+        "normals of a list stay in its order",
+        "normals of a list are laid out in its image",
+        "clouds/prepared.py",
+        "None if normals is None else seen.image.lay_out(normals[observed])",
+        "None",
         SIDES,
     ),
 )

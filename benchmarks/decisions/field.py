@@ -196,7 +196,7 @@ DECISIONS = (
         "labels of points left out are those of the first",
         "a point that was thinned out starts from the label of the one that stands for it",
         "search/coarse_to_fine.py",
-        "z=self.loop.labels.z[rows])",
+        "z=self.loop.labels.z[source.as_here(rows)])",
         "z=self.loop.labels.z[0 * rows])",
         ("test_presets.py", "test_robust.py"),
     ),

@@ -28,16 +28,19 @@ from hmrf_icp.clouds.cloud import (
 from hmrf_icp.clouds.downsample import Downsampled, downsample
 from hmrf_icp.clouds.given_normals import POINTS as SIDES
 from hmrf_icp.clouds.given_normals import Sides, facing, sides
+from hmrf_icp.clouds.per_point import Attributes
 from hmrf_icp.clouds.range_image import RangeImage, range_image
 from hmrf_icp.clouds.sensor_view import SensorView, find_view, given_view
 from hmrf_icp.clouds.shading import Shading, shading
 from hmrf_icp.clouds.surface import Surface, surface
 from hmrf_icp.clouds.tree import Tree
 from hmrf_icp.errors import InputError
+from hmrf_icp.frozen import same
 from hmrf_icp.stages import stage
 
 Array = NDArray[np.float64]
 T = TypeVar("T")
+Number = TypeVar("Number", bound=np.generic)
 
 FAR = 10.0
 """A cloud is moved to its own centre where that is as many times its size away from the origin.
@@ -67,6 +70,9 @@ class PreparedCloud:
         How it is known where the cloud was seen from; None to go by the cloud itself.
     look
         Whether a viewpoint is looked for where none is known.
+    order
+        (M,) which of the observed points each point of the cloud as given is, where they
+        were laid out as an image in another order; None where the order is the same.
 
     Examples
     --------
@@ -81,6 +87,7 @@ class PreparedCloud:
     origin: Array = field(default_factory=lambda: np.zeros(3))
     view: SensorView | None = None
     look: bool = True
+    order: NDArray[np.intp] | None = None
     _derived: dict[Hashable, Any] = field(
         default_factory=dict, init=False, repr=False, compare=False
     )
@@ -103,7 +110,8 @@ class PreparedCloud:
         if not isinstance(other, PreparedCloud):
             return NotImplemented
         mine, theirs = ((one.cloud, one.view, one.look) for one in (self, other))
-        return mine == theirs and np.array_equal(self.origin, other.origin)
+        alike = same(self.order, other.order) and np.array_equal(self.origin, other.origin)
+        return alike and mine == theirs
 
     def __hash__(self) -> int:
         return hash((self.cloud, (self.origin + 0.0).tobytes()))
@@ -185,12 +193,17 @@ class PreparedCloud:
         if self.cloud.viewpoint is not None or not self.look:
             return self
         seen = find_view(self.cloud, lambda: self.downsampled(POINTS).surface, -self.origin)
+        points, normals, order = self.cloud.points, self.cloud.normals, None
+        attributes = self.cloud.attributes
+        if seen.image is not None:
+            points, order, observed = seen.image.points, seen.image.order, self.cloud.observed
+            laid = {name: seen.image.lay_out(one[observed]) for name, one in attributes.items()}
+            attributes = Attributes(laid, seen.image.shape)
+            normals = None if normals is None else seen.image.lay_out(normals[observed])
         # Derived: what is observed stays so, since labels are asked of the cloud as given.
         place = np.zeros(3) if seen.camera is not None else np.array(seen.place)
-        cloud = self.cloud.derived(
-            self.cloud.points, place, self.cloud.attributes, seen.camera, self.cloud.normals
-        )
-        return PreparedCloud(cloud, self.origin, seen.view)
+        cloud = self.cloud.derived(points, place, attributes, seen.camera, normals)
+        return PreparedCloud(cloud, self.origin, seen.view, order=order)
 
     @cached_property
     def sides(self) -> Sides | None:
@@ -207,7 +220,8 @@ class PreparedCloud:
         if view.known or view.sides or self.sides is None or not self.sides.known:
             return self
         text = f"{view.text}; sides by its normals"
-        return PreparedCloud(self.cloud, self.origin, replace(view, text=text, sides=True))
+        view = replace(view, text=text, sides=True)
+        return PreparedCloud(self.cloud, self.origin, view, order=self.order)
 
     @property
     def seen_from(self) -> SensorView:
@@ -241,9 +255,18 @@ class PreparedCloud:
 
         Returns
         -------
-        (M,) rows of ``downsampled(most).points``.
+        (M,) rows of ``downsampled(most).points``, in the order of the cloud as it was given.
         """
-        return np.arange(len(self)) if len(self) <= most else self._fewer(most)[1].representative
+        whole = len(self) <= most
+        return self.as_given(np.arange(len(self)) if whole else self._fewer(most)[1].representative)
+
+    def as_given(self, values: NDArray[Number]) -> NDArray[Number]:
+        """Bring one value an observed point, (M, ...), into the order of the cloud as given."""
+        return values if self.order is None else values[self.order]
+
+    def as_here(self, values: NDArray[Number]) -> NDArray[Number]:
+        """Bring one value a point, (M, ...), from the order of the cloud as given into this one."""
+        return values if self.order is None else values[np.argsort(self.order)]
 
     def _fewer(self, most: int) -> tuple[PreparedCloud, Downsampled]:
         def build() -> tuple[PreparedCloud, Downsampled]:
@@ -266,7 +289,7 @@ class PreparedCloud:
 
     def __reduce__(self) -> tuple[type[PreparedCloud], tuple[Any, ...]]:
         """Pickle and copy the cloud alone: what was derived is worked out again."""
-        return PreparedCloud, (self.cloud, self.origin, self.view, self.look)
+        return PreparedCloud, (self.cloud, self.origin, self.view, self.look, self.order)
 
 
 @stage("checks")

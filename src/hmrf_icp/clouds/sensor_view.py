@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Callable
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from typing import Literal
 
 import numpy as np
@@ -11,6 +11,8 @@ from numpy.typing import NDArray
 
 from hmrf_icp.clouds.camera import PinholeCamera
 from hmrf_icp.clouds.cloud import PointCloud
+from hmrf_icp.clouds.depth_image import DepthImage, depth_image
+from hmrf_icp.clouds.recovered_camera import recovered_camera
 from hmrf_icp.clouds.surface import Surface
 from hmrf_icp.stages import stage
 
@@ -56,11 +58,15 @@ NOWHERE = SensorView("none", "none: no viewpoint is known")
 
 @dataclass(frozen=True)
 class Seen:
-    """A place that a cloud was seen from, in its frame, metres, and the camera if there was one."""
+    """A place that a cloud was seen from, in its frame, metres, and the camera if there was one.
+
+    ``image`` holds the observed points of a list as that camera saw them.
+    """
 
     view: SensorView
     place: Array
     camera: PinholeCamera | None = None
+    image: DepthImage | None = None
 
 
 def given_view(cloud: PointCloud) -> SensorView:
@@ -77,8 +83,9 @@ def given_view(cloud: PointCloud) -> SensorView:
 def find_view(cloud: PointCloud, surface: Callable[[], Surface], origin: Array) -> Seen:
     """Find where a cloud was seen from that says nothing of it.
 
-    The camera of an organised cloud is recovered exactly. Of other points the origin of their
-    frame is believed where they say so, and otherwise the place that hides least is assumed.
+    The camera of an organised cloud is recovered exactly, and so is that of a list of the points of
+    a depth map. Of other points the origin of their frame is believed where they say so, and
+    otherwise the place that hides least is assumed.
 
     Parameters
     ----------
@@ -90,21 +97,33 @@ def find_view(cloud: PointCloud, surface: Callable[[], Surface], origin: Array) 
         (3,) of the frame that they were given in, metres.
     """
     from hmrf_icp.clouds.assumed_viewpoint import assumed_viewpoint
-    from hmrf_icp.clouds.recovered_camera import recovered_camera
     from hmrf_icp.clouds.viewpoint import viewpoint_of
 
     if cloud.organised:
-        found = recovered_camera(cloud.points)
-        if found is not None:
-            view = SensorView("recovered", found.text)
-            return Seen(view, found.viewpoint, found.camera if found.at_origin else None)
+        seen = _through_a_camera(cloud.points)
+        if seen is not None:
+            return seen
     if not origin.any():
-        here = viewpoint_of(cloud.observed_points)
+        points = cloud.observed_points
+        image = None if cloud.organised else depth_image(points)
+        seen = None if image is None else _through_a_camera(image.points)
+        if seen is not None:
+            return replace(seen, image=image)
+        here = viewpoint_of(points)
         if here.source == "origin":
             return Seen(SensorView("recovered", f"recovered: {here.text}"), here.place)
     place, hidden = assumed_viewpoint(surface(), origin)
     text = f"assumed: {_text(place)}, {hidden:.1%} hidden from there"
     return Seen(SensorView("assumed", text, np.array_equal(place, origin)), place)
+
+
+def _through_a_camera(points: Array) -> Seen | None:
+    """Recover the camera of points (H, W, 3)."""
+    found = recovered_camera(points)
+    if found is None:
+        return None
+    view = SensorView("recovered", found.text)
+    return Seen(view, found.viewpoint, found.camera if found.at_origin else None)
 
 
 def _text(place: Array) -> str:

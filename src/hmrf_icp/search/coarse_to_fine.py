@@ -221,9 +221,12 @@ class SearchResult:
         """
         source, target = self.seen(source), self.seen(target)
         method, rows = self.plan.method, source.representatives(self.plan.points)
+        onto = matches.index if target.order is None else target.order[matches.index]
+        matches = Matches(source.as_here(onto), source.as_here(matches.distance))
         if isinstance(method.match, VisibleMatch):
             placed = Placed.at(self.loop.transformation, source.points)
             evidence = method.match.evidence(source, target)(placed, matches)
             matches = replace(matches, label_log_odds=evidence)
-        before = replace(self.loop.labels, z=self.loop.labels.z[rows])
-        return method.reject.prepare(source, target)(matches, before)
+        before = replace(self.loop.labels, z=self.loop.labels.z[source.as_here(rows)])
+        labels = method.reject.prepare(source, target)(matches, before)
+        return replace(labels, z=source.as_given(labels.z))

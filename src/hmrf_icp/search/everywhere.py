@@ -32,6 +32,8 @@ def everywhere(source: PreparedCloud, target: PreparedCloud) -> Iterator[Array]:
         sampled(one.points, one.normals, one.patch, one.oriented, cloud.cloud.viewpoint)
         for cloud, one in ((source, mine), (target, theirs))
     )
+    if not any(np.ptp(one.points, axis=0).any() for one in (first, second)):
+        return  # a place with a normal fits onto another in any way
     yield plane_hypotheses(first, second, MOST)[0]
     sides = mine.points, mine.normals, theirs.points, theirs.normals
     yield hypotheses(*sides, True, MOST).poses
