@@ -203,6 +203,10 @@ def test_signs_are_believed_that_go_on_round_bends():
     # Coherent patch by patch, as an eigenvector's sign is.
     patch = (np.floor(points * [7.0, 5.0, 6.0]).sum(axis=1) % 2.0)[:, None]
     assert not judged(points, out * (2.0 * patch - 1.0)).known
+    # One in eight of the sheet is the wrong way round, and all goes on round the blocks' edges.
+    dotted = out.copy()
+    dotted[:3000:8] *= -1.0
+    assert not judged(points, dotted).known
     plane = points * [1.0, 1.0, 0.0] + [0.0, 0.0, 1.0]
     up = np.tile([0.0, 0.0, 1.0], (len(plane), 1))
     assert "nothing bends" in judged(plane, up).text
