@@ -169,6 +169,8 @@ def test_where_it_is_known_where_both_were_seen_from_normals_have_no_say():
     for one, sign in ((frame(8), 1.0), (frame(0), -1.0)):
         normals = one.on_grid(sign * prepare(one).surface.normals)
         given.append(PointCloud(one.points, one.camera, normals=normals))
+        cloud = prepare(given[-1])
+        assert cloud.sided is cloud
     result = hmrf_icp.register(*given, truth(8, 0))
     np.testing.assert_array_equal(result.transformation, bare.transformation)
     assert result.source_view == bare.source_view
