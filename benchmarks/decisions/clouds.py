@@ -9,6 +9,7 @@ OVERLAP = ("clouds/test_overlap.py",)
 RANGE = ("clouds/test_range_image.py", "test_robust.py")
 CAMERA = ("clouds/test_recovered_camera.py",)
 VIEW = ("clouds/test_viewpoint.py",)
+SIDES = ("test_given_normals.py",)
 IMAGE = ("clouds/test_depth_image.py",)
 
 DECISIONS = (
@@ -233,8 +234,8 @@ DECISIONS = (
         "an assumed place gives normals a sign",
         "which side was seen is not known from an assumed place",
         "clouds/prepared.py",
-        'replace(fitted, oriented=False) if self.seen_from.kind == "assumed" else fitted',
-        "fitted",
+        'return replace(fitted, oriented=False) if self.seen_from.kind == "assumed" else fitted',
+        "return fitted",
         ("clouds/test_assumed_viewpoint.py", "test_prepared.py"),
     ),
     Decision(
@@ -358,6 +359,86 @@ DECISIONS = (
         ("test_nothing.py",),
     ),
     Decision(
+        "normals of any direction are believed",
+        "normals that are not along the surface mean nothing",
+        "clouds/given_normals.py",
+        "    if np.count_nonzero(sign) < FITTING * max(int(np.count_nonzero(fitted)), 1):\n",
+        "    if False:\n",
+        SIDES,
+    ),
+    Decision(
+        "signs that change from neighbour to neighbour are believed",
+        "signs of neighbours on one sheet agree where they mean a side",
+        "clouds/given_normals.py",
+        "if agree[alike].mean() < COHERENT or agree",
+        "if agree",
+        SIDES,
+    ),
+    Decision(
+        "signs that change at bends are believed",
+        "signs that mean a side go on round bends",
+        "clouds/given_normals.py",
+        "agree[alike].mean() < COHERENT or agree[bent].mean() < ROUND_BENDS:",
+        "agree[alike].mean() < COHERENT:",
+        SIDES,
+    ),
+    Decision(
+        "a plane's sign is believed",
+        "where nothing bends a sign is arbitrary",
+        "clouds/given_normals.py",
+        "    if np.count_nonzero(bent) < BENDS:\n",
+        "    if False:\n",
+        SIDES,
+    ),
+    Decision(
+        "a point without a normal has none of the sides",
+        "the nearest point with a usable normal tells the side",
+        "clouds/given_normals.py",
+        "sign[lost] = np.where(along < 0.0, -1.0, 1.0)",
+        "sign[lost] = 1.0",
+        SIDES,
+    ),
+    Decision(
+        "normals are taken for unit vectors",
+        "given normals may have any length",
+        "clouds/given_normals.py",
+        "unit = given / np.where(usable, largest, 1.0)[:, None]",
+        "unit = given.copy()",
+        SIDES,
+    ),
+    Decision(
+        "normals overrule a known viewpoint",
+        "where the viewpoint is known it tells the side",
+        "clouds/prepared.py",
+        "if view.known or view.sides or",
+        "if view.sides or",
+        SIDES,
+    ),
+    Decision(
+        "thinning loses normals",
+        "normals stay with the points that are kept",
+        "clouds/downsample.py",
+        "beside, normals=facing)",
+        "beside)",
+        SIDES,
+    ),
+    Decision(
+        "an assumed place loses normals",
+        "normals stay with a cloud that is looked at from an assumed place",
+        "clouds/prepared.py",
+        "attributes, seen.camera, normals)",
+        "attributes, seen.camera)",
+        SIDES,
+    ),
+    Decision(
+        "a cloud moved to its centre loses normals",
+        "normals stay with a cloud that is moved to its own centre",
+        "clouds/prepared.py",
+        "given.attributes, normals=given.normals)",
+        "given.attributes)",
+        SIDES,
+    ),
+    Decision(
         "a list is never taken for a depth map",
         "points that stand in the pixels of a camera are its image",
         "clouds/sensor_view.py",
@@ -428,5 +509,13 @@ DECISIONS = (
         "if all(one.cloud.organised for one in seen):",
         "if False:",
         IMAGE,
+    ),
+    Decision(
+        "normals of a list stay in its order",
+        "normals of a list are laid out in its image",
+        "clouds/prepared.py",
+        "None if normals is None else seen.image.lay_out(normals[observed])",
+        "None",
+        SIDES,
     ),
 )

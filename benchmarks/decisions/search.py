@@ -149,7 +149,7 @@ DECISIONS = (
         "nothing convinces",
         "a pose that convinces ends the search",
         "search/coarse_to_fine.py",
-        "if search.among(more).confidence >= enough:",
+        "if search.among(more).confidence >= enough(end, near):",
         "if search.among(more).confidence >= 2.0:",
         (
             "search/test_search_parts.py::test_the_search_goes_on_until_it_is_convinced_and_without_free_space_for_longer",
@@ -408,5 +408,21 @@ DECISIONS = (
         (
             "search/test_search.py::test_a_start_from_which_no_turn_leads_there_is_found_by_the_wider_search",
         ),
+    ),
+    Decision(
+        "sides are kept where they do not convince",
+        "where nothing convinces by the sides of normals the search goes on without",
+        "search/coarse_to_fine.py",
+        "            if end.confidence >= enough(end, near):\n",
+        "            if True:\n",
+        ("test_given_normals.py",),
+    ),
+    Decision(
+        "the result forgets that sides were used",
+        "the result looks at the clouds as the search did",
+        "search/coarse_to_fine.py",
+        "return viewed.sided if self.sided else viewed",
+        "return viewed",
+        ("test_given_normals.py",),
     ),
 )

@@ -224,7 +224,7 @@ def described(
     loop = found.loop if isinstance(found, SearchResult) else found
 
     def seen_from(cloud: PreparedCloud) -> SensorView:
-        return (cloud if searched is None else searched.plan.viewed(cloud)).seen_from
+        return cloud.seen_from if searched is None else searched.seen_from(cloud)
 
     def decide(matches: Matches) -> Labels:
         return loop.labels if searched is None else searched.labels(source, target, matches)

@@ -67,3 +67,12 @@ def test_more_surface_off_the_other_is_less_likely() -> None:
         log_odds(Visibility(300, off, 0, 700 - off, 0, views=False)) for off in (0, 10, 100, 400)
     ]
     assert odds == sorted(odds, reverse=True)
+
+
+def test_what_faces_the_opposite_way_is_no_part_of_a_surface_of_which_sides_are_known() -> None:
+    near = NearSurface(PreparedCloud(PointCloud(sheet(), viewpoint=[0, 0, 5.0])), sides=True)
+    up = np.array([0.0, 0.0, 1.0])
+    points = np.array([[0, 0, 0.0], [0, 0, 0.0], [0, 0, 0.12], [0, 0, -0.12]])
+    seen = near.ask(points, np.array([up, -up, up, -up]), np.eye(4))
+    # A little off and facing the other way it may be the other side of a board.
+    np.testing.assert_array_equal(seen, [AGREE, OTHER, FRONT, OUTSIDE])

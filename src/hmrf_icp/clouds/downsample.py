@@ -128,7 +128,8 @@ def _one_a_cell(cloud: PointCloud, most: int) -> Downsampled:
     rows, _ = _few_rows(points, most, owner)
     held = cloud.attributes
     beside = held.at(cloud.observed, rows) if isinstance(held, Attributes) and held else None
-    few = cloud.derived(points[rows], cloud.viewpoint, beside)
+    facing = None if cloud.normals is None else cloud.normals[cloud.observed][rows]
+    few = cloud.derived(points[rows], cloud.viewpoint, beside, normals=facing)
     return Downsampled(few, lambda: owner.astype(np.intp))
 
 

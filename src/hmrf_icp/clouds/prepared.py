@@ -26,6 +26,8 @@ from hmrf_icp.clouds.cloud import (
     some_of,
 )
 from hmrf_icp.clouds.downsample import Downsampled, downsample
+from hmrf_icp.clouds.given_normals import POINTS as SIDES
+from hmrf_icp.clouds.given_normals import Sides, facing, sides
 from hmrf_icp.clouds.per_point import Attributes
 from hmrf_icp.clouds.range_image import RangeImage, range_image
 from hmrf_icp.clouds.sensor_view import SensorView, find_view, given_view
@@ -141,7 +143,15 @@ class PreparedCloud:
     def surface(self) -> Surface:
         """Normals, noise and areas of the observed points."""
         fitted = surface(self.cloud, lambda: self.tree)
+        if self.seen_from.sides:
+            return facing(fitted, self._given_normals)
         return replace(fitted, oriented=False) if self.seen_from.kind == "assumed" else fitted
+
+    @property
+    def _given_normals(self) -> Array:
+        """(M, 3) the normals that the observed points came with, NaN where they have none."""
+        given = self.cloud.normals
+        return np.full((len(self), 3), np.nan) if given is None else given[self.cloud.observed]
 
     @cached_property
     def shading(self) -> Shading:
@@ -183,15 +193,35 @@ class PreparedCloud:
         if self.cloud.viewpoint is not None or not self.look:
             return self
         seen = find_view(self.cloud, lambda: self.downsampled(POINTS).surface, -self.origin)
-        points, attributes, order = self.cloud.points, self.cloud.attributes, None
+        points, normals, order = self.cloud.points, self.cloud.normals, None
+        attributes = self.cloud.attributes
         if seen.image is not None:
             points, order, observed = seen.image.points, seen.image.order, self.cloud.observed
             laid = {name: seen.image.lay_out(one[observed]) for name, one in attributes.items()}
             attributes = Attributes(laid, seen.image.shape)
+            normals = None if normals is None else seen.image.lay_out(normals[observed])
         # Derived: what is observed stays so, since labels are asked of the cloud as given.
         place = np.zeros(3) if seen.camera is not None else np.array(seen.place)
-        cloud = self.cloud.derived(points, place, attributes, camera=seen.camera)
+        cloud = self.cloud.derived(points, place, attributes, seen.camera, normals)
         return PreparedCloud(cloud, self.origin, seen.view, order=order)
+
+    @cached_property
+    def sides(self) -> Sides | None:
+        """What the normals that it came with tell of the side seen; None where it has none."""
+        if self.cloud.normals is None:
+            return None
+        few = self.downsampled(SIDES)
+        return sides(few.surface, few._given_normals)
+
+    @cached_property
+    def sided(self) -> PreparedCloud:
+        """The cloud with the sides that its normals tell, where nothing else does and they can."""
+        view = self.seen_from
+        if view.known or view.sides or self.sides is None or not self.sides.known:
+            return self
+        text = f"{view.text}; sides by its normals"
+        view = replace(view, text=text, sides=True)
+        return PreparedCloud(self.cloud, self.origin, view, order=self.order)
 
     @property
     def seen_from(self) -> SensorView:
@@ -313,6 +343,5 @@ def prepare(
     unit = 10.0 ** math.floor(math.log10(size)) if size > 0.0 else 1.0
     origin = np.round(centre / unit) * unit
     stood = None if given.viewpoint is None else given.viewpoint - origin
-    return PreparedCloud(
-        given.derived(given.points - origin, stood, given.attributes), origin, look=look
-    )
+    cloud = given.derived(given.points - origin, stood, given.attributes, normals=given.normals)
+    return PreparedCloud(cloud, origin, look=look)

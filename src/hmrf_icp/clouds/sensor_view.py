@@ -35,11 +35,14 @@ class SensorView:
     at_origin
         Whether an assumed place is the origin of the cloud's frame: the first of several views
         that were fused may have been taken from there.
+    sides
+        Whether normals that came with the points tell which side of its surfaces was seen.
     """
 
     kind: Kind
     text: str
     at_origin: bool = False
+    sides: bool = False
 
     def __str__(self) -> str:
         return self.text

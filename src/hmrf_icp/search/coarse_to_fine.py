@@ -16,6 +16,7 @@ from numpy.typing import NDArray
 
 from hmrf_icp import threads
 from hmrf_icp.clouds.prepared import PreparedCloud
+from hmrf_icp.clouds.sensor_view import SensorView
 from hmrf_icp.loop.align import Aligner
 from hmrf_icp.loop.criteria import StoppingRule
 from hmrf_icp.loop.icp import Iteration, LoopResult, Method
@@ -23,7 +24,7 @@ from hmrf_icp.loop.match import Matches
 from hmrf_icp.loop.placed import Placed
 from hmrf_icp.loop.reject import Labels, Rejector
 from hmrf_icp.search.candidates import Level
-from hmrf_icp.search.search import Search
+from hmrf_icp.search.search import Judged, Search
 from hmrf_icp.search.visibility import Visibility
 from hmrf_icp.search.visible_match import VisibleMatch
 
@@ -101,26 +102,42 @@ class CoarseToFine:
         on_iteration: Callable[[Iteration], None] | None = None,
     ) -> SearchResult:
         """Register; see :func:`hmrf_icp.register`."""
-        source, target = threads.current().map(self._ready, (source, target))
+        source, target = threads.current().map(self.viewed, (source, target))
+        one, other = threads.current().map(sided, (source, target))
+        end: Judged | None = None
+        if one is not None and other is not None and (one is not source or other is not target):
+            end = self._searched(one, other, init, near, on_iteration)
+            if end.confidence >= enough(end, near):
+                return SearchResult(end.loop, end.visibility, end.confidence, self, sided=True)
+        # Sides of a cloud that is turned inside out contradict the right pose: do without.
+        plain = self._searched(source, target, init, near, on_iteration)
+        if end is not None and end.log_posterior > plain.log_posterior:
+            return SearchResult(end.loop, end.visibility, end.confidence, self, sided=True)
+        return SearchResult(plain.loop, plain.visibility, plain.confidence, self)
+
+    def _searched(
+        self,
+        source: PreparedCloud,
+        target: PreparedCloud,
+        init: Array,
+        near: bool,
+        on_iteration: Callable[[Iteration], None] | None,
+    ) -> Judged:
+        threads.current().map(self._ready, (source, target))
         search = Search(self, source, target, init, near, on_iteration)
         end = search.from_start()
-        enough = CONVINCED_NEAR_UNSEEN if near else CONVINCED_UNSEEN
-        enough = CONVINCED if end.visibility.views else enough
         if end.confidence < CONVINCED_AT_ONCE:
             for more in search.farther():
-                if search.among(more).confidence >= enough:
+                if search.among(more).confidence >= enough(end, near):
                     break
-        end = search.polished(search.no_worse(search.end()))
-        return SearchResult(end.loop, end.visibility, end.confidence, self)
+        return search.polished(search.no_worse(search.end()))
 
-    def _ready(self, cloud: PreparedCloud) -> PreparedCloud:
+    def _ready(self, viewed: PreparedCloud) -> None:
         """Work out what any search needs of a cloud, whatever the other is."""
-        viewed = self.viewed(cloud)
         few = viewed.downsampled(self.points)
         if few.range_image is None:
             few.border  # noqa: B018
         few.tree  # noqa: B018
-        return viewed
 
     def viewed(self, cloud: PreparedCloud) -> PreparedCloud:
         """Return a cloud from a place to look from, where places are assumed."""
@@ -134,6 +151,19 @@ class CoarseToFine:
     ) -> CoarseToFine:
         """Return the same with some of the parts of Algorithm 1 replaced."""
         return replace(self, method=self.method.with_parts(reject, align, criteria))
+
+
+def sided(cloud: PreparedCloud) -> PreparedCloud | None:
+    """Return a cloud of which it is known which side was seen, by its normals at the last."""
+    cloud = cloud.sided
+    return cloud if cloud.seen_from.known or cloud.seen_from.sides else None
+
+
+def enough(end: Judged, near: bool) -> float:
+    """Confidence from which no further starts are tried."""
+    if end.visibility.views:
+        return CONVINCED
+    return CONVINCED_NEAR_UNSEEN if near else CONVINCED_UNSEEN
 
 
 @dataclass(frozen=True, eq=False)
@@ -151,12 +181,31 @@ class SearchResult:
         Probability in [0, 1] that it is right.
     plan
         The search.
+    sided
+        Whether it went by the sides that the clouds' normals tell.
     """
 
     loop: LoopResult
     visibility: Visibility
     confidence: float
     plan: CoarseToFine
+    sided: bool = False
+
+    def seen(self, cloud: PreparedCloud) -> PreparedCloud:
+        """Return one of the clouds as the search saw it."""
+        viewed = self.plan.viewed(cloud)
+        return viewed.sided if self.sided else viewed
+
+    def seen_from(self, cloud: PreparedCloud) -> SensorView:
+        """Say where one of the clouds was seen from, and why its normals were not used."""
+        view = self.seen(cloud).seen_from
+        if view.known or view.sides:
+            return view
+        sides = self.plan.viewed(cloud).sides
+        if sides is None:
+            return view
+        why = sides.text or "the other cloud has none that bear them out"
+        return replace(view, text=f"{view.text}; normals not used: {why}")
 
     def labels(self, source: PreparedCloud, target: PreparedCloud, matches: Matches) -> Labels:
         """Decide once more where the search ended, for every source point.
@@ -170,7 +219,7 @@ class SearchResult:
         matches
             Of all source points under the pose.
         """
-        source, target = self.plan.viewed(source), self.plan.viewed(target)
+        source, target = self.seen(source), self.seen(target)
         method, rows = self.plan.method, source.representatives(self.plan.points)
         onto = matches.index if target.order is None else target.order[matches.index]
         matches = Matches(source.as_here(onto), source.as_here(matches.distance))

@@ -116,9 +116,14 @@ class NearSurface:
         The cloud.
     band
         Deviations of the noise by which a point on the surface may be off it, beside the spacing.
+    sides
+        Whether it is known which side of the surface was seen, and of the points that are asked:
+        what lies on it and faces the opposite way is no part of it, and a little off it may be
+        the other side of a thin thing.
     """
 
-    def __init__(self, cloud: PreparedCloud, band: float = BAND) -> None:
+    def __init__(self, cloud: PreparedCloud, band: float = BAND, sides: bool = False) -> None:
+        self._sides = sides
         self._surface = surface = cloud.surface
         self._tree = cloud.tree
         self._band = band * surface.noise + np.sqrt(surface.patch)
@@ -134,9 +139,10 @@ class NearSurface:
         """Tell the same of points with normals (M, 3) at a distance (M,) from the closest row."""
         from hmrf_icp.kernels.range_image import FACING, OTHER, OUTSIDE
 
-        cosine = np.abs((normals * self._surface.normals[row]).sum(axis=1))
+        cosine = (normals * self._surface.normals[row]).sum(axis=1)
+        cosine = cosine if self._sides else np.abs(cosine)
         on = np.where(cosine > FACING, AGREE, OTHER)
-        off = (distance < OFF * self._band[row]) & ~self._border[row]
+        off = (distance < OFF * self._band[row]) & ~self._border[row] & (cosine > -FACING)
         seen = np.where(distance < self._band[row], on, np.where(off, FRONT, OUTSIDE))
         return seen.astype(np.uint8)
 
@@ -213,7 +219,8 @@ def knowing(source: PreparedCloud, target: PreparedCloud) -> tuple[Asked, Asked,
     by_source, by_target = source.range_image, target.range_image
     if by_source is not None and by_target is not None:
         return by_source, by_target, True
-    return NearSurface(source), NearSurface(target), False
+    sides = source.surface.oriented and target.surface.oriented
+    return NearSurface(source, sides=sides), NearSurface(target, sides=sides), False
 
 
 def least_spread(vectors: Array) -> float:

@@ -69,7 +69,8 @@ class VisibleMatch:
         surface, log_odds = source.surface, np.array(self.log_odds)
         view = target.range_image
         if view is None or source.range_image is None:
-            near = NearSurface(target, self.band)
+            sides = surface.oriented and target.surface.oriented
+            near = NearSurface(target, self.band, sides)
 
             def on_the_surface(source: Placed, matches: Matches) -> Array:
                 normals = surface.normals @ source.transformation[:3, :3].T
