@@ -18,6 +18,7 @@ from hmrf_icp import PinholeCamera, PointCloud, presets
 from hmrf_icp.evaluate import protocol
 from hmrf_icp.loop.icp import Loop
 from hmrf_icp.synthetic import render, scenes
+from views import loose
 
 WALK = scenes.trajectory("desk", 60)
 MUCH, SOME, FAR, LITTLE = 12, 28, 20, 40
@@ -171,9 +172,16 @@ def test_two_prepared_clouds_are_not_fitted_again():
 # --- with less given ----------------------------------------------------------------------------
 
 
+def test_a_depth_map_that_comes_as_a_list_is_the_same_work():
+    source, target, init = pair(MUCH)
+    listed = calls(source.observed_points, target.observed_points, init)
+    assert listed.pop("viewpoint") == 2
+    assert listed == calls(source, target, init)
+
+
 def test_points_alone_are_looked_at_once_each():
     source, target, init = pair(MUCH)
-    counted = calls(source.observed_points, target.observed_points, init)
+    counted = calls(*(loose(cloud.observed_points) for cloud in (source, target)), init)
     hold(
         counted,
         {
@@ -196,7 +204,7 @@ def test_from_nowhere_where_the_identity_does_not_convince(runs):
     hold(
         counted,
         {
-            "planes": (1, 1),
+            "planes": (3, 3),
             "features": (0, 0),
             "candidates": (10, 8),
             "visibility": (475, 356),

@@ -44,3 +44,10 @@ def turned(pose, cloud, axis, degrees, shift=(0.0, 0.0, 0.0)):
     start = se3.rotation_about(axis, np.radians(degrees), middle) @ pose
     start[:3, 3] += shift
     return start
+
+
+def loose(points):
+    """A list (N, 3) that is no depth map any more: one of its points is beside its ray."""
+    points = np.array(points)
+    points[0, 0] += 0.02 * points[0, 2]
+    return points

@@ -15,7 +15,7 @@ DECISIONS = (
         "planes give no hypotheses",
         "how surfaces face and where they fit comes first",
         "search/everywhere.py",
-        "    yield plane_hypotheses(first, second, MOST)[0]\n",
+        "    for poses, _ in plane_hypotheses(first, second, MOST):\n        yield poses\n",
         "",
         ("search/test_everywhere.py::test_each_kind_of_hypothesis_has_one_near_the_truth",),
     ),
@@ -127,6 +127,14 @@ DECISIONS = (
         "search/plane_hypotheses.py",
         "promise = [max(score, default=-np.inf) for _, score in peaks]",
         "promise = [-float(k) for k in range(len(turns) - sure)]",
+        PLANES,
+    ),
+    Decision(
+        "all rotations are looked at before any pose is tried",
+        "what the likeliest rotations give is tried before the others are looked at",
+        "search/plane_hypotheses.py",
+        "    yield _best(correlator, turns[:FIRST], most)\n",
+        "",
         PLANES,
     ),
     Decision(

@@ -10,7 +10,7 @@ from hmrf_icp import se3
 from hmrf_icp.clouds.cloud import PointCloud
 from hmrf_icp.clouds.prepared import PreparedCloud
 from hmrf_icp.evaluate.protocol import overlap, true_transformation
-from hmrf_icp.search.plane_hypotheses import evenly, plane_hypotheses, sampled
+from hmrf_icp.search.plane_hypotheses import FIRST, evenly, plane_hypotheses, sampled
 from hmrf_icp.synthetic.render import render, sensor_noise
 from hmrf_icp.synthetic.scenes import CAMERA, SCENES, trajectory
 
@@ -48,6 +48,14 @@ def seen(cloud, unit=1.0, bare=False, frame=None):
     )
 
 
+def together(source, target, most):
+    """All poses and their scores, the likeliest first."""
+    batches = list(plane_hypotheses(source, target, most))
+    poses, scores = (np.concatenate(each) for each in zip(*batches, strict=True))
+    order = np.argsort(-scores, kind="stable")
+    return poses[order], scores[order]
+
+
 def near(poses, truth, source, size):
     """Tell which poses lead to the truth: a turn about the table moves the far wall."""
     middle = source.points.mean(axis=0)
@@ -66,30 +74,39 @@ def test_a_pose_near_the_truth_is_among_a_hundred(name, source, target):
     free, fixed, truth = pair(name, source, target)
     assert overlap(free, fixed, truth) < 0.8
     moving = seen(free)
-    poses, scores = plane_hypotheses(moving, seen(fixed), 100)
-    assert poses.shape == (100, 4, 4)
-    assert (np.diff(scores) <= 0).all()
-    assert near(poses, truth, moving, PreparedCloud(fixed).surface.size).any()
+    poses, _ = together(moving, seen(fixed), 100)
+    assert near(poses[:100], truth, moving, PreparedCloud(fixed).surface.size).any()
+
+
+def test_what_the_likeliest_rotations_give_comes_first_and_each_time_the_best_of_it():
+    free, fixed, _ = pair("desk", 3, 0)
+    first, others = plane_hypotheses(seen(free), seen(fixed), 50)
+    for poses, scores in (first, others):
+        assert poses.shape == (50, 4, 4)
+        assert (np.diff(scores) <= 0).all()
+    turns = [{one[:3, :3].tobytes() for one in poses} for poses, _ in (first, others)]
+    assert len(turns[0]) <= FIRST
+    assert not turns[0] & turns[1]
 
 
 def test_a_cloud_seen_from_nowhere_in_particular_has_hypotheses_too():
     free, fixed, truth = pair("desk", 2, 0)
     moving = seen(free, bare=True)
-    poses, _ = plane_hypotheses(moving, seen(fixed, bare=True), 100)
+    poses, _ = together(moving, seen(fixed, bare=True), 100)
     assert near(poses, truth, moving, PreparedCloud(fixed).surface.size).any()
 
 
 def test_the_frame_of_the_source_tells_nothing():
     free, fixed, truth = pair("tabletop", 3, 0)
     moving = seen(free, frame=FRAME)
-    poses, _ = plane_hypotheses(moving, seen(fixed), 100)
+    poses, _ = together(moving, seen(fixed), 100)
     assert near(poses, truth @ se3.inverse(FRAME), moving, PreparedCloud(fixed).surface.size).any()
 
 
 def test_millimetres_give_what_metres_do():
     free, fixed, _ = pair("tabletop", 3, 0)
-    metres, scores = plane_hypotheses(seen(free), seen(fixed), 20)
-    thousandths, same = plane_hypotheses(seen(free, 1024.0), seen(fixed, 1024.0), 20)
+    metres, scores = together(seen(free), seen(fixed), 20)
+    thousandths, same = together(seen(free, 1024.0), seen(fixed, 1024.0), 20)
     thousandths[:, :3, 3] /= 1024.0
     np.testing.assert_allclose(thousandths, metres, atol=1e-6)
     np.testing.assert_allclose(same, scores, atol=1e-6)
@@ -97,13 +114,13 @@ def test_millimetres_give_what_metres_do():
 
 def test_the_same_clouds_give_the_same_poses():
     free, fixed, _ = pair("desk", 3, 0)
-    once, again = (plane_hypotheses(seen(free), seen(fixed), 30)[0] for _ in range(2))
+    once, again = (together(seen(free), seen(fixed), 30)[0] for _ in range(2))
     np.testing.assert_array_equal(once, again)
 
 
 def test_poses_are_rigid():
     free, fixed, _ = pair("tabletop", 6, 3)
-    for pose in plane_hypotheses(seen(free), seen(fixed), 20)[0]:
+    for pose in together(seen(free), seen(fixed), 20)[0]:
         np.testing.assert_allclose(se3.as_rigid(pose), pose, atol=1e-9)
 
 

@@ -34,7 +34,8 @@ def everywhere(source: PreparedCloud, target: PreparedCloud) -> Iterator[Array]:
     )
     if not any(np.ptp(one.points, axis=0).any() for one in (first, second)):
         return  # a place with a normal fits onto another in any way
-    yield plane_hypotheses(first, second, MOST)[0]
+    for poses, _ in plane_hypotheses(first, second, MOST):
+        yield poses
     sides = mine.points, mine.normals, theirs.points, theirs.normals
     yield hypotheses(*sides, True, MOST).poses
     if not (mine.oriented and theirs.oriented):

@@ -9,6 +9,8 @@ that was seen to be empty.
 
 from __future__ import annotations
 
+from collections.abc import Iterator
+
 import numpy as np
 from numpy.typing import NDArray
 
@@ -30,6 +32,9 @@ ROTATIONS, FINE = 150, 40
 Half of these are the likeliest as they are, half the best of the others on coarse grids: where
 much overlaps the first are right, and where little does the second.
 """
+
+FIRST = 12
+"""Rotations whose poses come before the others are looked at: where much overlaps, enough."""
 
 COARSE_CELLS, CELLS = 32, 48
 """Cells along each edge of the grids."""
@@ -74,10 +79,9 @@ def evenly(area: Array, count: int) -> NDArray[np.intp]:
     return np.flatnonzero(np.diff(passed, prepend=0.0) > 0)
 
 
-@stage("planes")
 def plane_hypotheses(
     source: Sampled, target: Sampled, most: int, rotations: int = ROTATIONS, fine: int = FINE
-) -> tuple[Array, Array]:
+) -> Iterator[tuple[Array, Array]]:
     """Find poses under which surfaces face alike, agree, and leave empty space empty.
 
     Parameters
@@ -85,28 +89,55 @@ def plane_hypotheses(
     source, target
         The clouds; see :func:`sampled`.
     most
-        Poses to return at the most.
+        Poses to yield at a time at the most.
     rotations
         Rotations that are tried at the most.
     fine
         Those of them that are looked at closely.
 
-    Returns
-    -------
+    Yields
+    ------
     (K, 4, 4) poses, source to target, the likeliest first, and their scores (K,): the
-    logarithm of agreement to violation. Good to about half a cell and four degrees.
+    logarithm of agreement to violation. Good to about half a cell and four degrees. Those of the
+    :data:`FIRST` rotations come first, and then all others.
     """
+    turns = _likely(source, target, rotations)
+    correlator = _correlator(source, target, CELLS)
+    yield _best(correlator, turns[:FIRST], most)
+    if len(turns) > fine:
+        turns = _promising(source, target, turns, fine)
+    if len(turns) > FIRST:
+        yield _best(correlator, turns[FIRST:], most)
+
+
+@stage("planes")
+def _likely(source: Sampled, target: Sampled, rotations: int) -> Array:
+    """Rotations (K, 3, 3) under which surfaces face alike, the likeliest first."""
     signed = source.signed and target.signed
     turns, _ = likely_rotations(
         Orientations.of(source.normals, signed), Orientations.of(target.normals, signed), rotations
     )
-    if len(turns) > fine:
-        coarse, sure = Correlator(source, target, COARSE_CELLS), fine // 2
-        peaks = coarse.peaks_of_each(turns[sure:], 1)
-        promise = [max(score, default=-np.inf) for _, score in peaks]
-        others = np.argsort(-np.array(promise), kind="stable")[: fine - sure]
-        turns = np.concatenate([turns[:sure], turns[sure + np.sort(others)]])
-    correlator = Correlator(source, target, CELLS)
+    return turns
+
+
+@stage("planes")
+def _correlator(source: Sampled, target: Sampled, cells: int) -> Correlator:
+    return Correlator(source, target, cells)
+
+
+@stage("planes")
+def _promising(source: Sampled, target: Sampled, turns: Array, fine: int) -> Array:
+    """Choose ``fine`` of the rotations: half are the first, half do best on coarse grids."""
+    sure = fine // 2
+    peaks = Correlator(source, target, COARSE_CELLS).peaks_of_each(turns[sure:], 1)
+    promise = [max(score, default=-np.inf) for _, score in peaks]
+    others = np.argsort(-np.array(promise), kind="stable")[: fine - sure]
+    return np.concatenate([turns[:sure], turns[sure + np.sort(others)]])
+
+
+@stage("planes")
+def _best(correlator: Correlator, turns: Array, most: int) -> tuple[Array, Array]:
+    """Poses of these rotations and of the shifts that go with them, the likeliest first."""
     poses, scores = [], []
     for rotation, (shifts, score) in zip(
         turns, correlator.peaks_of_each(turns, SHIFTS), strict=True
