@@ -514,8 +514,8 @@ DECISIONS = (
         "overlap of a list looks at its points alone",
         "overlap of two lists of depth maps is that of the depth maps",
         "clouds/overlap.py",
-        "if all(one.cloud.organised for one in seen):",
-        "if False:",
+        "if all(one.cloud.organised for one in seen) or ",
+        "if ",
         IMAGE,
     ),
     Decision(
@@ -525,5 +525,21 @@ DECISIONS = (
         "None if normals is None else seen.image.lay_out(normals[observed])",
         "None",
         SIDES,
+    ),
+    Decision(
+        "a viewpoint that is given is never doubted",
+        "a viewpoint that the points contradict is not used",
+        "clouds/viewpoint.py",
+        "return evidence if evidence.weight < DOUBTED else None",
+        "return None",
+        ("test_wrong_viewpoint.py",),
+    ),
+    Decision(
+        "a viewpoint is doubted where nothing is hidden",
+        "where hardly a point is hidden nothing speaks against a place",
+        "clouds/viewpoint.py",
+        "or seeing.hidden(place) <= HIDES:",
+        "or False:",
+        ("test_wrong_viewpoint.py",),
     ),
 )

@@ -204,6 +204,15 @@ def _register(
             RegistrationWarning,
             stacklevel=stacklevel,
         )
+    if isinstance(found, SearchResult) and found.plan.assume_viewpoints:
+        for name, cloud in (("source", moving), ("target", fixed)):
+            if cloud.doubt is not None:
+                warnings.warn(
+                    f"{name}: {cloud.doubt}: it was not used; give the place where the sensor "
+                    "stood in the frame of the points as they are, or none",
+                    RegistrationWarning,
+                    stacklevel=stacklevel,
+                )
     result = described(found, moving, fixed, seconds)
     if result.confidence is not None and not result.believed:
         warnings.warn(

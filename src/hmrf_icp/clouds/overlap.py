@@ -53,8 +53,9 @@ def overlap(source: PreparedCloud, target: PreparedCloud, pose: Array) -> float:
     In [0, 1]: a share of area, not of points.
     """
     seen = source.viewed, target.viewed
-    # At edges, normals from windows of an image and normals from lists are not alike.
-    if all(one.cloud.organised for one in seen):
+    # At edges, normals from windows of an image and normals from lists are not alike; and a
+    # viewpoint that is not believed does not turn them either.
+    if all(one.cloud.organised for one in seen) or source.doubt or target.doubt:
         source, target = seen
     source, target = source.downsampled(DETAIL), target.downsampled(DETAIL)
     surface, onto = source.surface, target.surface

@@ -30,10 +30,11 @@ from hmrf_icp.clouds.given_normals import POINTS as SIDES
 from hmrf_icp.clouds.given_normals import Sides, facing, sides
 from hmrf_icp.clouds.per_point import Attributes
 from hmrf_icp.clouds.range_image import RangeImage, range_image
-from hmrf_icp.clouds.sensor_view import SensorView, find_view, given_view
+from hmrf_icp.clouds.sensor_view import SensorView, find_view, given_view, place_text
 from hmrf_icp.clouds.shading import Shading, shading
 from hmrf_icp.clouds.surface import Surface, surface
 from hmrf_icp.clouds.tree import Tree
+from hmrf_icp.clouds.viewpoint import doubt
 from hmrf_icp.errors import InputError
 from hmrf_icp.frozen import same
 from hmrf_icp.stages import stage
@@ -190,6 +191,8 @@ class PreparedCloud:
     @cached_property
     def viewed(self) -> PreparedCloud:
         """The cloud from its viewpoint or, where that is not known, from the likeliest place."""
+        if self.doubt is not None:
+            return self._without_viewpoint.viewed
         if self.cloud.viewpoint is not None or not self.look:
             return self
         seen = find_view(self.cloud, lambda: self.downsampled(POINTS).surface, -self.origin)
@@ -204,6 +207,27 @@ class PreparedCloud:
         place = np.zeros(3) if seen.camera is not None else np.array(seen.place)
         cloud = self.cloud.derived(points, place, attributes, seen.camera, normals)
         return PreparedCloud(cloud, self.origin, seen.view, order=order)
+
+    @cached_property
+    def doubt(self) -> str | None:
+        """What speaks against the viewpoint that the cloud came with, in words; None if little."""
+        cloud = self.cloud
+        if cloud.viewpoint is None or cloud.camera is not None or self.view is not None:
+            return None
+        against = doubt(self.points, cloud.viewpoint)
+        if against is None:
+            return None
+        return (
+            f"{against.hidden:.0%} of the points are hidden from the viewpoint given, "
+            f"{place_text(cloud.viewpoint + self.origin)}, about as many as from places beside it"
+        )
+
+    @cached_property
+    def _without_viewpoint(self) -> PreparedCloud:
+        cloud = self.cloud.derived(
+            self.cloud.points, None, self.cloud.attributes, normals=self.cloud.normals
+        )
+        return PreparedCloud(cloud, self.origin)
 
     @cached_property
     def sides(self) -> Sides | None:

@@ -75,7 +75,7 @@ def given_view(cloud: PointCloud) -> SensorView:
         one = cloud.camera
         return SensorView("given", f"given: pinhole {one.width} x {one.height}, fx {one.fx:.1f}")
     if cloud.viewpoint is not None:
-        return SensorView("given", f"given: viewpoint at {_text(cloud.viewpoint)}")
+        return SensorView("given", f"given: viewpoint at {place_text(cloud.viewpoint)}")
     return NOWHERE
 
 
@@ -113,7 +113,7 @@ def find_view(cloud: PointCloud, surface: Callable[[], Surface], origin: Array) 
         if here.source == "origin":
             return Seen(SensorView("recovered", f"recovered: {here.text}"), here.place)
     place, hidden = assumed_viewpoint(surface(), origin)
-    text = f"assumed: {_text(place)}, {hidden:.1%} hidden from there"
+    text = f"assumed: {place_text(place)}, {hidden:.1%} hidden from there"
     return Seen(SensorView("assumed", text, np.array_equal(place, origin)), place)
 
 
@@ -126,5 +126,6 @@ def _through_a_camera(points: Array) -> Seen | None:
     return Seen(view, found.viewpoint, found.camera if found.at_origin else None)
 
 
-def _text(place: Array) -> str:
+def place_text(place: Array) -> str:
+    """Write a place (3,) in three digits."""
     return "(" + ", ".join(f"{x:.3g}" for x in place + 0.0) + ")"
