@@ -209,6 +209,10 @@ def test_signs_are_believed_that_go_on_round_bends():
     dotted = out.copy()
     dotted[:3000:8] *= -1.0
     assert not judged(points, dotted).known
+    # A seam across the sheet: hardly a neighbour notices.
+    halves = out.copy()
+    halves[:3000][points[:3000, 0] < 0.0] *= -1.0
+    assert judged(points, halves).text == "a seam divides its surface"
     plane = points * [1.0, 1.0, 0.0] + [0.0, 0.0, 1.0]
     up = np.tile([0.0, 0.0, 1.0], (len(plane), 1))
     assert "nothing bends" in judged(plane, up).text

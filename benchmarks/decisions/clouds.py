@@ -383,6 +383,14 @@ DECISIONS = (
         SIDES,
     ),
     Decision(
+        "a seam across a sheet is overlooked",
+        "signs that change along a seam mean no side",
+        "clouds/given_normals.py",
+        "    if _together(index, alike, agree) < WHOLE:\n",
+        "    if False:\n",
+        SIDES,
+    ),
+    Decision(
         "a plane's sign is believed",
         "where nothing bends a sign is arbitrary",
         "clouds/given_normals.py",

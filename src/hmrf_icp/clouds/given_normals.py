@@ -43,8 +43,15 @@ between both; below the second nobody can tell which signs agree."""
 
 COHERENT, ROUND_BENDS = 0.97, 0.9
 """Share of neighbours on one sheet, and about a bend, whose signs agree, at the least. Measured in
-docs/research.md: true sides have 0.98 and 0.89 to 1; signs of eigenvectors 0.66 to 0.90 and 0.56 to
+docs/research.md: true sides have 0.97 and 0.88 to 1; signs of eigenvectors 0.66 to 0.90 and 0.56 to
 0.79. A half space has as much as true sides only where nearly all of the surface lies in one.
+"""
+
+WHOLE = 0.85
+"""Share of the points that no seam cuts off, at the least.
+
+A seam across a smooth sheet is short: half a bunny was the wrong way round with 0.98 and 0.92 of
+the neighbours in agreement.
 """
 
 BENDS = 50
@@ -86,7 +93,32 @@ def sides(surface: Surface, given: Array) -> Sides:
         return Sides(False, "nothing bends, so that any sign would do")
     if agree[alike].mean() < COHERENT or agree[bent].mean() < ROUND_BENDS:
         return Sides(False, "neighbours face opposite ways")
+    if _together(index, alike, agree) < WHOLE:
+        return Sides(False, "a seam divides its surface")
     return Sides(True)
+
+
+def _together(index: NDArray[np.intp], alike: NDArray[np.bool_], agree: NDArray[np.bool_]) -> float:
+    """Tell which share of the points no seam of changing signs cuts off from a larger piece.
+
+    ``index`` (M, K) lists neighbours, ``alike`` those on the same sheet, ``agree`` of the same
+    sign. A seam about a piece of n points has about three times as many links as the root of n
+    at the least; fewer than that root are where two faces happen to touch.
+    """
+    from scipy.sparse import coo_array
+    from scipy.sparse.csgraph import connected_components
+
+    row, column = np.nonzero(alike & agree)
+    links = coo_array((np.ones(len(row)), (row, index[row, column])), shape=(len(index),) * 2)
+    _, piece = connected_components(links, directed=False)
+    size = np.bincount(piece)
+    row, column = np.nonzero(alike & ~agree)
+    ends = np.sort(np.stack([piece[row], piece[index[row, column]]]), axis=0)
+    pairs, count = np.unique(ends[:, ends[0] != ends[1]], axis=1, return_counts=True)
+    seam = count > np.sqrt(size[pairs].min(axis=0))
+    one, other = pairs[:, seam]
+    lost = np.unique(np.where(size[one] < size[other], one, other))
+    return float(1.0 - size[lost].sum() / len(index))
 
 
 def facing(surface: Surface, given: Array) -> Surface:
