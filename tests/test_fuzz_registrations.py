@@ -31,7 +31,17 @@ def test_random_geometry_is_registered_or_refused(fuzz, first):
 
 @pytest.mark.parametrize(
     ("seed", "number"),
-    [(0, 7014), (0, 8067), (0, 8610), (1, 3588), (1, 4620), (1, 4949), (2, 7661)],
+    [
+        (0, 7014),
+        (0, 8067),
+        (0, 8610),
+        (1, 3588),
+        (1, 4620),
+        (1, 4949),
+        (2, 7661),
+        (3, 15675),
+        (3, 21948),
+    ],
 )
 def test_geometry_that_once_raised_an_exception_does_not(fuzz, seed, number):
     assert fuzz.tried(seed, number)["found"] in fuzz.FINE
