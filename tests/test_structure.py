@@ -17,7 +17,7 @@ pytestmark = pytest.mark.skipif(
 )
 
 FLOORS = (
-    ("errors", "frozen", "kernels", "stages"),
+    ("errors", "frozen", "kernels", "lazy", "stages"),
     ("se3", "threads"),
     ("clouds",),
     ("io", "synthetic", "drawing"),

@@ -8,6 +8,7 @@ import subprocess
 import sys
 import textwrap
 import threading
+from concurrent.futures import ThreadPoolExecutor
 from pathlib import Path
 
 import numpy as np
@@ -165,3 +166,20 @@ def test_one_thread_keeps_no_other_busy():
     done = subprocess.run(run, env=free, capture_output=True, text=True, timeout=300)
     assert done.returncode == 0, done.stderr
     assert int(done.stdout) <= 1
+
+
+def test_two_clouds_are_fitted_at_the_same_time(monkeypatch):
+    from hmrf_icp.clouds import prepared
+
+    both = threading.Barrier(2, timeout=20)
+    fit = prepared.surface
+
+    def fitted(*given):
+        both.wait()  # who comes alone waits in vain
+        return fit(*given)
+
+    monkeypatch.setattr(prepared, "surface", fitted)
+    clouds = [hmrf_icp.prepare(np.random.default_rng(k).normal(size=(200, 3))) for k in (0, 1)]
+    with ThreadPoolExecutor(2) as pool:
+        surfaces = list(pool.map(lambda cloud: cloud.surface, clouds))
+    assert [len(one.points) for one in surfaces] == [200, 200]

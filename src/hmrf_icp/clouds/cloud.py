@@ -5,7 +5,6 @@ from __future__ import annotations
 import math
 from collections.abc import Mapping
 from dataclasses import dataclass, field
-from functools import cached_property
 from typing import Any, Protocol, TypeAlias, TypeVar
 
 import numpy as np
@@ -18,6 +17,7 @@ from hmrf_icp.clouds.distorted_camera import DistortedCamera
 from hmrf_icp.clouds.nothing import MIXED, at_place, nothing
 from hmrf_icp.clouds.per_point import Attributes, normals_for
 from hmrf_icp.errors import InputError
+from hmrf_icp.lazy import cached_property
 
 Number = TypeVar("Number", bound=np.generic)
 

@@ -10,13 +10,13 @@ from __future__ import annotations
 
 import math
 from dataclasses import dataclass
-from functools import cached_property
 from typing import Any, NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
 
 from hmrf_icp.clouds.recovered_camera import FEWEST, SHORTEST
+from hmrf_icp.lazy import cached_property
 
 Array = NDArray[np.float64]
 

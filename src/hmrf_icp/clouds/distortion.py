@@ -4,13 +4,13 @@ from __future__ import annotations
 
 import math
 from dataclasses import dataclass
-from functools import cached_property
 from typing import Literal, TypeAlias, get_args
 
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
 from hmrf_icp.errors import InputError
+from hmrf_icp.lazy import cached_property
 
 Array = NDArray[np.float64]
 

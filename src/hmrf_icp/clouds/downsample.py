@@ -4,7 +4,6 @@ from __future__ import annotations
 
 import math
 from collections.abc import Callable
-from functools import cached_property
 
 import numpy as np
 from numpy.typing import NDArray
@@ -13,6 +12,7 @@ from hmrf_icp.clouds.cloud import PointCloud
 from hmrf_icp.clouds.grid import beside, lengths, median
 from hmrf_icp.clouds.per_point import Attributes
 from hmrf_icp.clouds.tree import Tree
+from hmrf_icp.lazy import cached_property
 from hmrf_icp.stages import stage
 
 NEAR = 1.1

@@ -9,7 +9,6 @@ from __future__ import annotations
 import math
 from collections.abc import Callable, Hashable
 from dataclasses import dataclass, field, replace
-from functools import cached_property
 from typing import Any, Literal, TypeVar, cast
 
 import numpy as np
@@ -37,6 +36,7 @@ from hmrf_icp.clouds.tree import Tree
 from hmrf_icp.clouds.viewpoint import doubt
 from hmrf_icp.errors import InputError
 from hmrf_icp.frozen import same
+from hmrf_icp.lazy import cached_property
 from hmrf_icp.stages import stage
 
 Array = NDArray[np.float64]

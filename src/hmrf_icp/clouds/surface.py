@@ -4,7 +4,6 @@ from __future__ import annotations
 
 from collections.abc import Callable
 from dataclasses import dataclass
-from functools import cached_property
 
 import numpy as np
 from numpy.typing import NDArray
@@ -14,6 +13,7 @@ from hmrf_icp.clouds.downsample import thinned
 from hmrf_icp.clouds.grid import beside, lengths, median
 from hmrf_icp.clouds.tree import Tree
 from hmrf_icp.errors import InputError
+from hmrf_icp.lazy import cached_property
 from hmrf_icp.stages import stage
 
 Array = NDArray[np.float64]

@@ -13,7 +13,6 @@ from __future__ import annotations
 import math
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass, replace
-from functools import cached_property
 from typing import Literal
 
 import numpy as np
@@ -22,6 +21,7 @@ from numpy.typing import ArrayLike, NDArray
 from hmrf_icp.clouds.cloud import each
 from hmrf_icp.clouds.tree import Tree
 from hmrf_icp.errors import InputError
+from hmrf_icp.lazy import cached_property
 from hmrf_icp.stages import stage
 
 Array = NDArray[np.float64]

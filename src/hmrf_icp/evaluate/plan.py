@@ -4,9 +4,9 @@ from __future__ import annotations
 
 from collections.abc import Iterator, Sequence
 from dataclasses import dataclass
-from functools import cached_property
 
 from hmrf_icp.evaluate.protocol import Pair, Start
+from hmrf_icp.lazy import cached_property
 
 RUNS_PER_TASK = 8
 """Runs of one pair that a worker does in one go: what a kill can cost it."""

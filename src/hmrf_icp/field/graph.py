@@ -7,7 +7,6 @@ point, and mean-field steps that are simultaneous or one colour after the other.
 from __future__ import annotations
 
 from dataclasses import dataclass
-from functools import cached_property
 from typing import Literal, Protocol
 
 import numpy as np
@@ -15,6 +14,7 @@ from numpy.typing import NDArray
 
 from hmrf_icp.clouds.tree import Tree
 from hmrf_icp.errors import InputError
+from hmrf_icp.lazy import cached_property
 
 Array = NDArray[np.float64]
 Update = Literal["simultaneous", "sequential"]

@@ -8,7 +8,6 @@ somebody asks.
 from __future__ import annotations
 
 from collections.abc import Callable
-from functools import cached_property
 from typing import Any, NamedTuple
 
 import numpy as np
@@ -16,6 +15,7 @@ from numpy.typing import NDArray
 
 from hmrf_icp.clouds.overlap import overlap
 from hmrf_icp.clouds.prepared import PreparedCloud
+from hmrf_icp.lazy import cached_property
 from hmrf_icp.loop.match import Matches
 from hmrf_icp.loop.placed import Placed
 from hmrf_icp.loop.reject import Labels

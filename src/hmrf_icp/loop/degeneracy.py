@@ -22,7 +22,6 @@ its normals: it counts with the difference that noise alone is expected to make.
 from __future__ import annotations
 
 from dataclasses import dataclass
-from functools import cached_property
 from typing import NamedTuple
 
 import numpy as np
@@ -30,6 +29,7 @@ from numpy.typing import NDArray
 
 from hmrf_icp import se3
 from hmrf_icp.frozen import same
+from hmrf_icp.lazy import cached_property
 
 Array = NDArray[np.float64]
 

@@ -11,7 +11,6 @@ from __future__ import annotations
 import math
 from collections.abc import Callable, Iterable, Iterator, Sequence
 from dataclasses import replace
-from functools import cached_property
 from itertools import islice
 from typing import NamedTuple, Protocol
 
@@ -20,6 +19,7 @@ from numpy.typing import NDArray
 
 from hmrf_icp import se3, threads
 from hmrf_icp.clouds.prepared import PreparedCloud
+from hmrf_icp.lazy import cached_property
 from hmrf_icp.loop.degeneracy import NOISE_ALONE
 from hmrf_icp.loop.icp import Iteration, Loop, LoopResult, Method
 from hmrf_icp.loop.polish import polish

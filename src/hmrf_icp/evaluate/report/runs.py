@@ -9,7 +9,6 @@ from array import array
 from collections.abc import Iterable, Iterator, Mapping, Sequence
 from dataclasses import dataclass
 from fractions import Fraction
-from functools import cached_property
 from pathlib import Path
 from typing import Any, NamedTuple, TypeAlias
 
@@ -22,6 +21,7 @@ from hmrf_icp.evaluate.progress import Progress, silent
 from hmrf_icp.evaluate.protocol import NONE
 from hmrf_icp.evaluate.report.statistics import decile
 from hmrf_icp.io.files import reading
+from hmrf_icp.lazy import cached_property
 
 Mask: TypeAlias = NDArray[np.bool_]
 

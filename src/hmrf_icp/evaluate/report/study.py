@@ -6,7 +6,6 @@ import csv
 import json
 from collections.abc import Mapping
 from dataclasses import dataclass
-from functools import cached_property
 from pathlib import Path
 from typing import Any
 
@@ -19,6 +18,7 @@ from hmrf_icp.evaluate.report.hindsight import Hindsight, hindsights
 from hmrf_icp.evaluate.report.methods import ReportedMethod, Roster
 from hmrf_icp.evaluate.report.runs import Mask, ReportedStart, Runs, Success, read_results
 from hmrf_icp.io.files import reading
+from hmrf_icp.lazy import cached_property
 
 
 @dataclass(frozen=True, eq=False)
