@@ -7,7 +7,7 @@ cloud serves as the target of many sources, or the source of many starts.
 from __future__ import annotations
 
 import math
-from collections.abc import Callable, Hashable
+from collections.abc import Callable, Hashable, Mapping
 from dataclasses import dataclass, field, replace
 from typing import Any, Literal, TypeVar, cast
 
@@ -27,7 +27,6 @@ from hmrf_icp.clouds.cloud import (
 from hmrf_icp.clouds.downsample import Downsampled, downsample
 from hmrf_icp.clouds.given_normals import POINTS as SIDES
 from hmrf_icp.clouds.given_normals import Sides, facing, sides
-from hmrf_icp.clouds.per_point import Attributes
 from hmrf_icp.clouds.range_image import RangeImage, range_image
 from hmrf_icp.clouds.sensor_view import SensorView, find_view, given_view, place_text
 from hmrf_icp.clouds.shading import Shading, shading
@@ -197,11 +196,10 @@ class PreparedCloud:
             return self
         seen = find_view(self.cloud, lambda: self.downsampled(POINTS).surface, -self.origin)
         points, normals, order = self.cloud.points, self.cloud.normals, None
-        attributes = self.cloud.attributes
+        attributes: Mapping[str, NDArray[Any]] = self.cloud.attributes
         if seen.image is not None:
             points, order, observed = seen.image.points, seen.image.order, self.cloud.observed
-            laid = {name: seen.image.lay_out(one[observed]) for name, one in attributes.items()}
-            attributes = Attributes(laid, seen.image.shape)
+            attributes = {k: seen.image.lay_out(one[observed]) for k, one in attributes.items()}
             normals = None if normals is None else seen.image.lay_out(normals[observed])
         # Derived: what is observed stays so, since labels are asked of the cloud as given.
         place = np.zeros(3) if seen.camera is not None else np.array(seen.place)
@@ -290,7 +288,11 @@ class PreparedCloud:
 
     def as_here(self, values: NDArray[Number]) -> NDArray[Number]:
         """Bring one value a point, (M, ...), from the order of the cloud as given into this one."""
-        return values if self.order is None else values[np.argsort(self.order)]
+        if self.order is None:
+            return values
+        here = np.empty_like(values)
+        here[self.order] = values
+        return here
 
     def _fewer(self, most: int) -> tuple[PreparedCloud, Downsampled]:
         def build() -> tuple[PreparedCloud, Downsampled]:

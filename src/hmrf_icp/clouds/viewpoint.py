@@ -226,16 +226,20 @@ def distinct(places: Sequence[Array], apart: float) -> list[Array]:
     return kept
 
 
+def _seeing(points: Array, most: int = POINTS) -> Seeing | None:
+    """Hold points against places; None where they are too few, or all at one place."""
+    seeing = Seeing(points, most) if len(points) >= FEWEST else None
+    return None if seeing is None or not np.ptp(seeing.points, axis=0).any() else seeing
+
+
 @stage("viewpoint")
 def doubt(points: Array, place: Array) -> Evidence | None:
     """Say what speaks against a place (3,) that was given with points (N, 3); None if little does.
 
     A cloud that is moved leaves its viewpoint behind where nobody moves it too.
     """
-    if len(points) < FEWEST:
-        return None
-    seeing = Seeing(points, CHECKED)
-    if not np.ptp(seeing.points, axis=0).any() or seeing.hidden(place) <= HIDES:
+    seeing = _seeing(points, CHECKED)
+    if seeing is None or seeing.hidden(place) <= HIDES:
         return None
     evidence = seeing.evidence(place)
     return evidence if evidence.weight < DOUBTED else None
@@ -316,8 +320,8 @@ def viewpoint_of(
     rows = np.asarray(points, dtype=np.float64).reshape(-1, 3)
     seen = each(np.isfinite(rows))
     rows = rows if seen.all() else rows[seen]
-    seeing = Seeing(rows) if len(rows) >= FEWEST else None
-    if seeing is None or not np.ptp(seeing.points, axis=0).any():
+    seeing = _seeing(rows)
+    if seeing is None:
         return Viewpoint(np.zeros(3), 0.0, "none")
     origin = Viewpoint(np.zeros(3), 0.0, "none", seeing.evidence(np.zeros(3)))
     assert origin.evidence is not None

@@ -108,12 +108,15 @@ class CoarseToFine:
         if one is not None and other is not None and (one is not source or other is not target):
             end = self._searched(one, other, init, near, on_iteration)
             if end.confidence >= enough(end, near):
-                return SearchResult(end.loop, end.visibility, end.confidence, self, sided=True)
+                return self._told(end, sided=True)
         # Sides of a cloud that is turned inside out contradict the right pose: do without.
         plain = self._searched(source, target, init, near, on_iteration)
         if end is not None and end.log_posterior > plain.log_posterior:
-            return SearchResult(end.loop, end.visibility, end.confidence, self, sided=True)
-        return SearchResult(plain.loop, plain.visibility, plain.confidence, self)
+            return self._told(end, sided=True)
+        return self._told(plain, sided=False)
+
+    def _told(self, end: Judged, sided: bool) -> SearchResult:
+        return SearchResult(end.loop, end.visibility, end.confidence, self, sided)
 
     def _searched(
         self,

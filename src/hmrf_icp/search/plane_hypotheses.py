@@ -102,7 +102,7 @@ def plane_hypotheses(
     :data:`FIRST` rotations come first, and then all others.
     """
     turns = _likely(source, target, rotations)
-    correlator = _correlator(source, target, CELLS)
+    correlator = stage("planes")(Correlator)(source, target, CELLS)
     yield _best(correlator, turns[:FIRST], most)
     if len(turns) > fine:
         turns = _promising(source, target, turns, fine)
@@ -118,11 +118,6 @@ def _likely(source: Sampled, target: Sampled, rotations: int) -> Array:
         Orientations.of(source.normals, signed), Orientations.of(target.normals, signed), rotations
     )
     return turns
-
-
-@stage("planes")
-def _correlator(source: Sampled, target: Sampled, cells: int) -> Correlator:
-    return Correlator(source, target, cells)
 
 
 @stage("planes")
