@@ -2,26 +2,15 @@
 
 from __future__ import annotations
 
-import warnings
 from dataclasses import replace
 
 import numpy as np
 import pytest
 
 import hmrf_icp
-from hmrf_icp import Criteria, PointCloud, RegistrationWarning, se3
+from hmrf_icp import Criteria, PointCloud, se3
 from hmrf_icp.field.paper import HiddenMarkovRandomField
-from views import CAMERA, frame, off, truth
-
-
-def heard(*arguments, **options):
-    """The result, and what was warned of."""
-    with warnings.catch_warnings(record=True) as said:
-        warnings.simplefilter("always")
-        result = hmrf_icp.register(*arguments, **options)
-    return result, " ".join(
-        str(one.message) for one in said if issubclass(one.category, RegistrationWarning)
-    )
+from views import CAMERA, frame, heard, off, truth
 
 
 @pytest.fixture(scope="module")

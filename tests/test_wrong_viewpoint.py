@@ -2,14 +2,11 @@
 
 from __future__ import annotations
 
-import warnings
-
 import numpy as np
 import pytest
 
-import hmrf_icp
-from hmrf_icp import PointCloud, RegistrationWarning, prepare, se3
-from views import frame, off, truth, turned
+from hmrf_icp import PointCloud, prepare, se3
+from views import frame, heard, off, truth, turned
 
 MOVED = se3.exp([0.9, -1.7, 0.6, 4.0, -6.0, 2.5])
 ELSEWHERE = se3.exp([-0.4, 0.8, 1.1, 2.0, 3.0, -1.0])
@@ -24,13 +21,6 @@ def beside(points, seed):
     return 0.1 * size * way / np.linalg.norm(way)
 
 
-def found(source, target, start):
-    with warnings.catch_warnings(record=True) as told:
-        warnings.simplefilter("always", RegistrationWarning)
-        result = hmrf_icp.register(source, target, start)
-    return result, " ".join(str(one.message) for one in told)
-
-
 @pytest.mark.parametrize("degrees", [None, 15])
 @pytest.mark.parametrize(("scene", "first", "second"), PAIRS)
 def test_a_viewpoint_a_tenth_of_the_size_off_does_no_harm(scene, first, second, degrees):
@@ -38,7 +28,7 @@ def test_a_viewpoint_a_tenth_of_the_size_off_does_no_harm(scene, first, second, 
     clouds = [PointCloud(p, viewpoint=beside(p, k)) for k, p in enumerate((source, target))]
     true = truth(first, second, scene)
     start = None if degrees is None else turned(true, clouds[0], AXIS, degrees)
-    result, _ = found(*clouds, start)
+    result, _ = heard(*clouds, start)
     assert off(result.transformation, true, clouds[0]) < 0.005
     assert result.believed
 
@@ -55,7 +45,7 @@ def test_a_viewpoint_that_was_left_behind_is_not_used_and_that_is_said(
     ]
     true = ELSEWHERE @ truth(first, second, scene) @ se3.inverse(MOVED)
     start = None if degrees is None else turned(true, clouds[0], AXIS, degrees)
-    result, said = found(*clouds, start)
+    result, said = heard(*clouds, start)
     assert off(result.transformation, true, clouds[0]) < 0.005
     assert result.believed
     assert "source: " in said
@@ -67,7 +57,7 @@ def test_a_viewpoint_that_was_left_behind_is_not_used_and_that_is_said(
 def test_a_viewpoint_that_was_moved_along_is_used():
     source, target = frame(8).observed_points, frame(0)
     moved = PointCloud(se3.transform(MOVED, source), viewpoint=MOVED[:3, 3])
-    result, said = found(moved, target, None)
+    result, said = heard(moved, target, None)
     assert result.source_view.kind == "given"
     assert not said
     assert result.believed

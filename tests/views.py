@@ -2,11 +2,13 @@
 
 from __future__ import annotations
 
+import warnings
 from functools import cache
 
 import numpy as np
 
-from hmrf_icp import PinholeCamera, PointCloud, se3
+import hmrf_icp
+from hmrf_icp import PinholeCamera, PointCloud, RegistrationWarning, se3
 from hmrf_icp.synthetic import render, scenes
 
 CAMERA = PinholeCamera(width=80, height=60, fx=73.0, fy=73.0, cx=39.5, cy=29.5)
@@ -51,3 +53,13 @@ def loose(points):
     points = np.array(points)
     points[0, 0] += 0.02 * points[0, 2]
     return points
+
+
+def heard(*arguments, **options):
+    """The result, and what was warned of."""
+    with warnings.catch_warnings(record=True) as said:
+        warnings.simplefilter("always")
+        result = hmrf_icp.register(*arguments, **options)
+    return result, " ".join(
+        str(one.message) for one in said if issubclass(one.category, RegistrationWarning)
+    )
